@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 19
+SCHEMA = 20
 ROOT = "neurosnap"
 LARGEST_PAYLOAD = 1 << 26
 """Bytes of a message, at most."""
@@ -31,6 +31,8 @@ LARGEST_IMAGE = 1 << 24
 """Bytes of an image, at most."""
 HISTORY = 8192
 """Ticks of a sensor's readings that are kept: 2 kB a sensor."""
+HISTORY_OF_ACTIONS = 2 * HISTORY
+"""The same where actions are taken, and more than one thing may follow each."""
 _LARGEST = 2**31 - 1
 _PART = re.compile(r"[a-z0-9]{1,20}(/[a-z0-9]{1,20})?")
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]

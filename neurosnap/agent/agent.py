@@ -4,7 +4,7 @@ The same policies decide in a swarm, where waves answer what here the propagatio
 the graph answers: with the same seed and observations the decisions are the same.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Self, Unpack
 
 import gymnasium
@@ -19,7 +19,7 @@ from neurosnap.agent.grower import ROOM
 from neurosnap.agent.imagining_planner import STATES, ImaginingPlanner
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.planner import target_literals
-from neurosnap.agent.policy import TRIES, AgentKind, Policy, default_threshold
+from neurosnap.agent.policy import TRIES, AgentKind, Aim, Policy, default_threshold
 from neurosnap.agent.policy_kinds import Aims, new_policy
 from neurosnap.agent.tick import Mind, Sensed, answered_at_once, tick
 from neurosnap.errors import InvalidValueError, ShapeError
@@ -101,7 +101,8 @@ class Agent:
             grow: Whether it may grow sensors from what surprises it, or how many.
             imagine: Whether a planner looks ahead by imagined waves, or how many states
                 it may imagine for a decision.
-            aims: `target` and `explore`, see `neurosnap.agent.policy_kinds.Aims`.
+            aims: `target`, `explore` and `prefer`, see
+                `neurosnap.agent.policy_kinds.Aims`.
 
         Raises:
             InvalidValueError: The environment is not fit for it, or what is to be
@@ -171,11 +172,12 @@ class Agent:
         """
         return self._sent(env, tuple(target), steps, seed, explore=0.0)
 
-    def aim(self, target: Iterable[str | int], explore: float = 0.0) -> None:
+    def aim(self, target: Aim, explore: float = 0.0) -> None:
         """Plan by imagined waves from now on, for another target or for none.
 
         Args:
             target: Sensations to achieve jointly, by name or number; none: to explore.
+                Or, as a mapping, what each of some sensations is worth, to get most.
             explore: The share of random actions.
 
         Raises:
@@ -186,7 +188,8 @@ class Agent:
             rule = "must be one that imagines or grows sensors"
             raise InvalidValueError("agent", rule, type(self._mind.policy).__name__)
         given = target, self._seed, explore, experience, self._states
-        self._mind.policy = ImaginingPlanner(self.body, *given, curious=True)
+        curious = not isinstance(target, Mapping)
+        self._mind.policy = ImaginingPlanner(self.body, *given, curious=curious)
 
     def _sent(
         self,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.plan import AnyPlan, ContingentPlan, Plan
+from neurosnap.agent.plan import WAYS, AnyPlan, ContingentPlan, Plan
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 from neurosnap.poc.learning.reading_history import History
 from neurosnap.sensorium import complement
@@ -44,6 +44,7 @@ class Experience:
         history: Which past readings may be asked for: which ticks are remembered.
         no_way: Places, as bytes, from which a search found no way to the target, each
             with the reason as it is told. Emptied once anything is learned.
+        asked_until: The tick until which chance is not asked again, as it told nothing.
     """
 
     def __init__(self, body: Body) -> None:
@@ -60,12 +61,14 @@ class Experience:
         self.plan: AnyPlan | None = None
         self.history = History(0, 64)
         self.no_way: dict[bytes, str] = {}
+        self.asked_until = 0
 
     def aim(self) -> None:
         """Change the target: drop the plan under way, and lower all raised places."""
         self.plan = None
         self.raised.clear()
         self.no_way.clear()
+        self.asked_until = 0
 
     def lift(self, place: bytes, height: int) -> None:
         """Raise a place, given by its `key`, to `height` at least."""
@@ -137,6 +140,12 @@ class Experience:
     def tossed(self) -> NDArray[np.bool_]:
         """``(n,)``: which of the world's own sensors every action leaves to chance."""
         return ~self._own(self._foreseen)[::2]
+
+    @property
+    def slipping(self) -> NDArray[np.bool_]:
+        """``(n,)``: which of the world's own sensors some action leaves to chance."""
+        left: NDArray[np.bool_] = np.logical_or.reduce(self.hopeless, axis=0)
+        return np.asarray(left[::2] | left[1::2])
 
     def is_whole(self, place: NDArray[np.bool_], action: int) -> bool:
         """Return whether all is said of a place that can be said before an action.
@@ -236,9 +245,11 @@ class Experience:
         """Return its whole state as arrays, by name."""
         size = len(self.met)
         plan = self.plan or Plan((), np.zeros((0, size), np.bool_), "")
-        chances, until = np.zeros(0), 0
+        values, until = np.zeros(0), 0
+        after, shares = np.zeros((0, WAYS), np.int64), np.zeros((0, WAYS))
         if isinstance(plan, ContingentPlan):
-            chances, until = plan.chances, plan.until
+            values, until = plan.values, plan.until
+            after, shares = plan.after, plan.shares
         octets = (size + 7) // 8
         return {
             "met": self.met,
@@ -253,8 +264,11 @@ class Experience:
             "plan": np.array(plan.actions, np.int64),
             "places": plan.places,
             "why": np.array(plan.why, np.str_),
-            "chances": chances,
+            "values": values,
+            "after": after,
+            "shares": shares,
             "until": np.array(until, np.int64),
+            "asked": np.array(self.asked_until, np.int64),
         }
 
     def restore(self, arrays: Arrays) -> None:
@@ -281,13 +295,20 @@ class Experience:
         places = entry(arrays, "places", (steps, size), np.bool_)
         why = str(entry(arrays, "why", (), np.str_).item())
         until = entry(arrays, "until", (), np.int64).item()
-        count = rows_in(arrays, "chances")
-        chances = entry(arrays, "chances", (steps if count else 0,), np.float64)
-        if until < 0:
+        count = rows_in(arrays, "values")
+        self.asked_until = entry(arrays, "asked", (), np.int64).item()
+        if min(until, self.asked_until) < 0 or count not in (0, steps):
             raise ValueError(f"until: must be 0 or more, got {until}")
+        values = entry(arrays, "values", (count,), np.float64)
+        after = entry(arrays, "after", (count, WAYS), np.int64)
+        shares = entry(arrays, "shares", (count, WAYS), np.float64)
         self.plan = None
         if count:
-            self.plan = ContingentPlan(actions, places, why, chances, until)
+            if (after >= count).any():
+                raise ValueError(f"after: must be below {count}, got {after.max()}")
+            self.plan = ContingentPlan(
+                actions, places, why, values, until, after, shares
+            )
         elif steps:
             self.plan = Plan(tuple(actions.tolist()), places, why)
 

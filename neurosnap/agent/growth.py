@@ -54,7 +54,8 @@ class Growth:
     def __init__(self, body: Body) -> None:
         self._grower = Grower(body) if body.context else WindowGrower(body)
         self._maps = MapGrower(body)
-        self.history = History(len(body.sensors), wire.HISTORY)
+        ticks = wire.HISTORY_OF_ACTIONS if body.context else wire.HISTORY
+        self.history = History(len(body.sensors), ticks)
         self.was_on = np.zeros(body.room, np.int64)
         self._own = len(body.own)
         self._body = body
@@ -85,9 +86,10 @@ class Growth:
         observation: NDArray[np.bool_],
         known: NDArray[np.bool_] | None,
         begins: bool,
+        ended: bool,
     ) -> None:
         """Record an observation, ``(N,)``; see `History.record`."""
-        self.history.record(observation, known, begins)
+        self.history.record(observation, known, begins, ended)
         on = observation if known is None else observation & known
         self.was_on += on[self._body.first_grown :]
 

@@ -14,12 +14,15 @@ to lead to the target, it takes the one with the greatest chance (`chances`); if
 is none, it goes on greedily, and does not end the episode. What is drawn at random is
 none of the actions that are known to end it, unless all do.
 
+One that is to prefer some sensations to others has no end to plan to: it always asks
+what followed in the past, and takes what promises most.
+
 References:
     Not the paper's, whose planner looks one step ahead ([GK] "Algorithm: Greedy
     Reactive Planning") and names "replanning in the face of failure" as future work.
 """
 
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -30,9 +33,9 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.chances import SURE, plan_by_chance
 from neurosnap.agent.curiosity import Curiosity
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.plan import AnyPlan, ContingentPlan, ImaginedState, Plan
-from neurosnap.agent.planner import Planner, target_literals
-from neurosnap.agent.policy import Deliberation, Signal, checked_share
+from neurosnap.agent.plan import AnyPlan, ContingentPlan, ImaginedState, Names, Plan
+from neurosnap.agent.planner import Planner, target_literals, weighed_literals
+from neurosnap.agent.policy import Aim, Deliberation, Signal, checked_share
 from neurosnap.agent.random_draws import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.history_questions import Question
@@ -50,22 +53,25 @@ class ImaginingPlanner:
     Args:
         body: What is sensed and done.
         target: Literals to be achieved jointly; none: to explore is all there is to do.
+            Or, as a mapping, what it prefers: what each of some literals is worth.
         seed: Draws among equals, and when to act at random.
         explore: The share of random actions, in [0, 1].
         experience: What was met so far; kept up to date by the caller.
         states: How many states a decision may imagine.
         curious: Whether to go to the nearest action with an unknown outcome where no
-            plan leads to the target, unless what it does there is left to chance.
+            plan leads to the target, unless what it does there is left to chance; of
+            one that prefers, whether it prefers to all else what was hardly tried.
 
     Raises:
         InvalidValueError: As for `Planner`; or there is neither a target nor
-            curiosity.
+            curiosity; or it prefers something, and the body grows no sensors, whose
+            past readings tell what promises most.
     """
 
     def __init__(
         self,
         body: Body,
-        target: Iterable[str | int],
+        target: Aim,
         seed: int,
         explore: float,
         experience: Experience,
@@ -74,8 +80,13 @@ class ImaginingPlanner:
     ) -> None:
         if states < 1:
             raise InvalidValueError("imagine", "must be 1 or more", states)
-        wanted = tuple(target)
-        if not wanted and not curious:
+        prefers = target if isinstance(target, Mapping) else {}
+        wanted = () if prefers else tuple(target)
+        self._prefers = weighed_literals(body, prefers)
+        if prefers and not (body.room and body.context):
+            rule = "must go with an agent that grows sensors (such as grow = 30)"
+            raise InvalidValueError("prefer", rule, dict(prefers))
+        if not (wanted or curious or prefers):
             rule = "must name a sensation to achieve, or come with exploration"
             raise InvalidValueError("target", rule, "nothing")
         given = body, wanted, seed, 0.0, experience
@@ -94,7 +105,7 @@ class ImaginingPlanner:
     def grow(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor; the plan is kept."""
         self._body, self._actions = body, Actions(body)
-        self._sensorium = Sensorium(body.sensors)
+        self._said = Names(body.actions, Sensorium(body.sensors))
         self._looked_at = body.looked_at
         self._first = 2 * (self._own + len(body.actions))  # contextual literal
         if self._greedy is not None:
@@ -107,16 +118,18 @@ class ImaginingPlanner:
             if isinstance(known.plan, Plan):  # its next step is not taken
                 known.plan = None
             return (yield from self._at_random(state, draws[0], ", to explore"))
+        if self._prefers:
+            return (yield from self._by_preference(state, draws[0]))
         here = state & self._looked_at
         place = here.tobytes()
         if known.plan is None or not known.plan.goes_on(state, known.history.tick):
-            before, known.plan = known.plan, None
+            known.plan = None
             if place not in known.no_way:
                 known.plan = yield from self._search(here, draws[0])
-                if self._is_left_to_chance(before, known.plan):
+                if self._is_left_to_chance(here, known.plan):
                     known.plan = (yield from self._by_chance(state)) or known.plan
         if known.plan is not None:
-            why = known.plan.reason(state, self._names)
+            why = known.plan.reason(state, self._said)
             action, known.plan = known.plan.step(state)
             return action, why
         if self._greedy is not None:
@@ -124,25 +137,43 @@ class ImaginingPlanner:
             return action, f"{known.no_way[place]}; {why}"
         return (yield from self._at_random(state, draws[0], ""))
 
-    def _is_left_to_chance(self, before: AnyPlan | None, plan: AnyPlan | None) -> bool:
+    def _by_preference(self, state: NDArray[np.bool_], draw: float) -> Deliberation:
+        """Take what promises most, where anything is known of what follows."""
+        known = self._experience
+        tick, plan = known.history.tick, known.plan
+        fresh = isinstance(plan, ContingentPlan) and tick <= plan.until
+        if not fresh and tick > known.asked_until and known.history.ticks:
+            plan = yield from self._by_chance(state)
+        known.plan = plan
+        if plan is not None and plan.goes_on(state, tick):
+            return plan.step(state)[0], plan.reason(state, self._said)
+        return (yield from self._at_random(state, draw, ": nothing was tried here"))
+
+    def _is_left_to_chance(self, here: NDArray[np.bool_], plan: AnyPlan | None) -> bool:
         """Tell whether to ask what chance leads to: no plan is sure to arrive.
 
-        One that only explores asks now and then, until it is told of such a plan.
+        One that only explores asks now and then, until it is told of such a plan, and
+        not where the episode is over.
         """
         known = self._experience
         if self._target:
             due = plan is None or bool(plan.why)  # that tries out what is unknown
         else:
-            due = isinstance(before, ContingentPlan) or not known.history.tick % SURE
+            due = known.history.tick > known.asked_until and not known.is_end(here, -1)
         return due and known.history.ticks > 0 and bool(known.hopeless.any())
 
     def _by_chance(self, state: NDArray[np.bool_]) -> _Search:
-        """Return the plan with the greatest chance to arrive, if there is any."""
+        """Return the plan that promises most where chance decides, if there is any."""
         known = self._experience
+        aim, doubted = (self._target, self._prefers), known.tossed
+        if not any(aim):  # a coin would have each place explored twice
+            doubted = known.slipping
         plan = yield from plan_by_chance(
-            self._body, self._target, known.history, state, known.tossed
+            self._body, *aim, known.history, state, doubted, self._curious
         )
-        if plan is not None:
+        if plan is None:
+            known.asked_until = known.history.tick + SURE
+        else:
             known.no_way.pop((state & self._looked_at).tobytes(), None)
         return plan
 
@@ -158,7 +189,7 @@ class ImaginingPlanner:
             return f"knows no way among {self._states:,} states"
         if not lacks:
             return "knows no way to all of it at once"
-        names = ", ".join(map(self._sensorium.name, lacks[:_SHOWN]))
+        names = ", ".join(map(self._said.sensors.name, lacks[:_SHOWN]))
         more = ", …" if len(lacks) > _SHOWN else ""
         return f"knows no way: nothing tried leads to {names}{more}"
 

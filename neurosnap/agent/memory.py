@@ -131,7 +131,7 @@ class AgentMemory:
         self._begins = begins
         if self._growth is None:
             return nothing()
-        self._growth.record(observation, known, begins)
+        self._growth.record(observation, known, begins, ended=begins and action >= 0)
         step = (-1 if begins else action, state)
         return self._growth.notice(*step, foretold, observation, known, snapshot)
 

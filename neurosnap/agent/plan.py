@@ -8,6 +8,18 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.sensorium import Sensorium
+
+WAYS = 3
+"""Places that a plan says an action may lead to."""
+
+
+class Names(NamedTuple):
+    """What a reason calls things."""
+
+    actions: Sequence[str]
+    sensors: Sensorium
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImaginedState:
@@ -55,9 +67,9 @@ class Plan:
         after = Plan(tuple(rest), self.places[1:], self.why) if rest else None
         return action, after
 
-    def reason(self, _place: NDArray[np.bool_], names: Sequence[str]) -> str:
+    def reason(self, _place: NDArray[np.bool_], names: Names) -> str:
         """Return why its next action is taken; `plan_told` reads it."""
-        shown = ", ".join(names[action] for action in self.actions[:_SHOWN])
+        shown = ", ".join(names.actions[action] for action in self.actions[:_SHOWN])
         more = ", …" if len(self.actions) > _SHOWN else ""
         return f"{self.why}in {len(self.actions)}: {shown}{more}"
 
@@ -67,35 +79,67 @@ class ContingentPlan:
     """For each of several places the action to take there, where chance decides."""
 
     actions: NDArray[np.intp]
-    """``(k,)``."""
+    """``(k,)``; -1 where it is of no use."""
     places: NDArray[np.bool_]
-    """``(k, 2N)``: the literals that tell each place."""
+    """``(k, 2N)``: the literals that tell each place; none: an episode is over."""
     why: str
-    """How its reasons begin."""
-    chances: NDArray[np.float64]
-    """``(k,)``: to arrive from each, as far as is known."""
+    """``arrives`` at a target; ``explores`` what was hardly tried; or ``prefers``."""
+    values: NDArray[np.float64]
+    """``(k,)``: the chance to arrive from each; or what it promises of the preferred,
+    what comes later being worth less."""
     until: int
     """The tick after which so much is new that it is made anew."""
+    after: NDArray[np.intp]
+    """``(k, WAYS)``: the places that the action led to most often; -1: no more."""
+    shares: NDArray[np.float64]
+    """``(k, WAYS)``: of all times."""
 
     def goes_on(self, place: NDArray[np.bool_], tick: int) -> bool:
         """Return whether it is of use in a state, ``(2N,)``, at a tick."""
-        return tick <= self.until and bool(self._at(place).size)
+        return tick <= self.until and self._at(place) >= 0
 
     def step(self, place: NDArray[np.bool_]) -> tuple[int, "ContingentPlan"]:
         """Return the action in one of its places, and the plan behind it: the same."""
-        return int(self.actions[self._at(place)[0]]), self
+        return int(self.actions[self._at(place)]), self
 
-    def reason(self, place: NDArray[np.bool_], names: Sequence[str]) -> str:
-        """Return why its action is taken in one of its places."""
-        at = self._at(place)[0]
-        share, action = 100 * self.chances[at], names[self.actions[at]]
-        return f"{self.why} with a chance of {share:.0f} %: {action}"
+    def reason(self, place: NDArray[np.bool_], names: Names) -> str:
+        """Return why its action is taken in one of its places, and what may follow."""
+        at = self._at(place)
+        value, action = self.values[at], names.actions[self.actions[at]]
+        match self.why:
+            case "arrives":
+                promise = f"arrives with a chance of {100 * value:.0f} %"
+            case "prefers":
+                promise = f"expects {value:.3g} of what it prefers"
+            case _:
+                promise = "comes to what was hardly tried"
+        several = [
+            f"{self._change(at, after, names)} ({100 * share:.0f} %)"
+            for after, share in zip(
+                self.after[at].tolist(), self.shares[at].tolist(), strict=True
+            )
+            if after >= 0
+        ]
+        slips = f", which led to {', '.join(several)}" if len(several) > 1 else ""
+        return f"{promise}: {action}{slips}"
 
-    def _at(self, place: NDArray[np.bool_]) -> NDArray[np.intp]:
-        return np.flatnonzero(~(self.places & ~place).any(axis=1))
+    def _change(self, at: int, after: int, names: Names) -> str:
+        """Return what is otherwise in one place than in another, in words."""
+        if not self.places[after].any():
+            return "an end"
+        other = np.flatnonzero(self.places[after] & ~self.places[at]).tolist()
+        more = " …" if len(other) > _CHANGES else ""
+        shown = " ".join(map(names.sensors.name, other[:_CHANGES]))
+        return f"{shown}{more}" if other else "no change"
+
+    def _at(self, place: NDArray[np.bool_]) -> int:
+        """Return which place it is; -1 if the plan is of no use there."""
+        mine = np.flatnonzero(~(self.places & ~place).any(axis=1) & (self.actions >= 0))
+        return int(mine[0]) if mine.size else -1
 
 
 _SHOWN = 6  # actions of a plan that a reason names
+_CHANGES = 2  # literals by which it tells what may follow
 _TOLD = re.compile(
     r"(?:(?P<why>.*), )?in (?P<left>[1-9]\d{0,8}): (?P<actions>.*?)(?P<more>, …)?"
 )

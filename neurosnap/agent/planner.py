@@ -15,7 +15,8 @@ References:
     is LRTA* (Korf 1990), with open subgoals as the distance to begin with.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,3 +181,20 @@ def target_literals(body: Body, target: Iterable[str | int]) -> tuple[int, ...]:
             rule = "must not hold a literal and its complement"
             raise InvalidValueError("target", rule, sensorium.name(literal & ~1))
     return tuple(sorted(literals))
+
+
+def weighed_literals(
+    body: Body, prefers: Mapping[str | int, float]
+) -> dict[int, float]:
+    """Return what literals are worth, by number, ascending.
+
+    Raises:
+        InvalidValueError: A weight is not finite, or what is named no target.
+    """
+    for name, weight in prefers.items():
+        if not isfinite(weight):
+            rule = "must have finite weights"
+            raise InvalidValueError("prefer", rule, f"{name}={weight}")
+    numbers = [target_literals(body, [name])[0] for name in prefers]
+    both = dict(zip(numbers, map(float, prefers.values()), strict=True))
+    return dict(sorted(both.items()))

@@ -6,7 +6,7 @@ pure functions of the seed, the tick, the state and the answers; what another on
 from tick to tick is in its `Experience`, so that it can be recorded.
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from typing import Any, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -29,6 +29,8 @@ TRIES = 0.1
 They test what seems known: plans go where an outcome is unknown, and nowhere else."""
 Exploration: TypeAlias = float | Literal["planned"]
 """A share of random actions; or to go where the outcome of an action is unknown."""
+Aim: TypeAlias = Iterable[str | int] | Mapping[str | int, float]
+"""Literals by name or number: to be achieved jointly, or with what each is worth."""
 Signal: TypeAlias = tuple[int, ...]
 """The literals a planning wave starts from, each once."""
 Closures: TypeAlias = Sequence[NDArray[np.bool_]]

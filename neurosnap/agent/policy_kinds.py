@@ -12,7 +12,8 @@ References:
     [GK] "Closing the Loop: Excitation-Driven Navigation".
 """
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping
 from typing import TypedDict, Unpack, get_args
 
 import numpy as np
@@ -122,6 +123,10 @@ class Aims(TypedDict, total=False):
     """The share of random actions; a walker's are all random. ``"planned"``: a planner
     that imagines goes to the nearest action with an unknown outcome where it knows no
     way to its target. `TRIES` of its actions are random if it has none."""
+    prefer: Mapping[str | int, float]
+    """For a planner that imagines and grows sensors, instead of a target: what each of
+    some literals is worth whenever it is sensed. It acts for most of it: what comes
+    later is worth less, see `neurosnap.agent.chances.DISCOUNT`."""
 
 
 def new_policy(
@@ -151,10 +156,16 @@ def new_policy(
         rule = f"must be {either(kinds)}{similar(kind, kinds)}"
         raise InvalidValueError("kind", rule, kind)
     target, explore = tuple(aims.get("target", ())), aims.get("explore", EXPLORE)
+    prefers = aims.get("prefer", {})
     if kind != "planner" and target:
         # An excited agent's is a place, and its world's to know.
         who = "a planner or an excited agent" if kind == "walker" else "a planner only"
         raise InvalidValueError("target", f"must go with {who}", target)
+    if prefers and not (kind == "planner" and imagine and experience is not None):
+        rule = "must go with a planner that imagines (such as imagine = 2000)"
+        raise InvalidValueError("prefer", rule, dict(prefers))
+    if prefers and target:
+        raise InvalidValueError("prefer", "must come without a target", target)
     if kind != "planner" and imagine:
         raise InvalidValueError("imagine", "must go with a planner only", imagine)
     planned = explore == "planned"
@@ -170,9 +181,33 @@ def new_policy(
         case "planner" if imagine and experience is not None:
             # Without growth most outcomes stay unknown in part: to look for them would
             # never end.
-            curious = planned or not target or body.room > 0
-            return ImaginingPlanner(
-                body, target, seed, share, experience, imagine, curious=curious
-            )
+            curious = planned or (not prefers and (not target or body.room > 0))
+            given = seed, share, experience, imagine, curious
+            return ImaginingPlanner(body, prefers or target, *given)
         case "planner":
             return Planner(body, target, seed, share)
+
+
+def preferences(text: str) -> dict[str | int, float]:
+    """Return what each of some literals is worth, as a text says it.
+
+    Raises:
+        InvalidValueError: A part is no name and a number with ``=`` between them, or a
+            name is there twice.
+
+    Examples:
+        >>> preferences("tile=goal=1, tile=hole=-2.5")
+        {'tile=goal': 1.0, 'tile=hole': -2.5}
+    """
+    worths: dict[str | int, float] = {}
+    for part in text.split(",") if text.strip() else ():
+        name, _, number = part.rpartition("=")
+        try:
+            worth = float(number)
+        except ValueError:
+            worth = math.nan
+        if not (name := name.strip()) or math.isnan(worth) or name in worths:
+            rule = "must be names with a number each, such as won=1,lost=-1"
+            raise InvalidValueError("prefer", rule, text)
+        worths[name] = worth
+    return worths

@@ -101,7 +101,7 @@ def check_recall(recall: wire.Recall) -> list[Counted]:
         rule = f"must be of {sum(recall.sizes)} literals"
         raise MessageError(f"recall: counted: {rule}, got {len(literals)}")
     rings = wire.split_rings("recall: within", recall.within, len(recall.sizes))
-    check_rings("recall", rings, wire.HISTORY)
+    check_rings("recall", rings, wire.HISTORY_OF_ACTIONS)
     ends = list(accumulate(recall.sizes, initial=0))
     return [
         Counted(ring, literals[first:last])
@@ -120,8 +120,8 @@ def check_reminder(
     length, count = reminder.length, len(reminder.cells)
     if reminder.to != who:
         raise MessageError(f"reminder: must be for {who}, got {reminder.to:.40}")
-    if length % 64 or length > wire.HISTORY:
-        rule = f"must keep a multiple of 64 ticks, up to {wire.HISTORY}"
+    if length % 64 or length > wire.HISTORY_OF_ACTIONS:
+        rule = f"must keep a multiple of 64 ticks, up to {wire.HISTORY_OF_ACTIONS}"
         raise MessageError(f"reminder: {rule}, got {length}")
     several = set(reminder.cells)
     if not several <= set(cells) or not 0 < len(several) == count:

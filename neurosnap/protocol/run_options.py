@@ -9,7 +9,7 @@ import msgspec
 from neurosnap.agent.body import Body
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.policy import EXACT, EXPLORE, AgentKind, Policy
-from neurosnap.agent.policy_kinds import new_policy
+from neurosnap.agent.policy_kinds import new_policy, preferences
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.alarm_budget import NEVER, parse_budget
 from neurosnap.health.follower import Follower
@@ -70,6 +70,15 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     ] = "walker"
     target: tuple[str, ...] = ()
     """What a planner wants to sense, by name."""
+    prefer: Annotated[
+        str,
+        option(
+            "For a planner that imagines and grows sensors, instead of a target: what"
+            " it is worth to sense something, each time (won=1,lost=-1).",
+            at="agent.prefer",
+            unit="SENSOR=WORTH,...",
+        ),
+    ] = ""
     explore: Annotated[
         Annotated[float, msgspec.Meta(ge=0, le=1)] | Literal["planned"],
         option(
@@ -327,6 +336,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             self.body,
             self.seed,
             target=self.target,
+            prefer=preferences(self.prefer),
             explore=self.explore,
             imagine=self.imagine,
             experience=memory.experience,

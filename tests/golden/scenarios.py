@@ -170,13 +170,18 @@ def _planner(**more: Any) -> RunOptions:
 def _slipping(**more: Any) -> RunOptions:
     """A run that plans by chance."""
     given = {"agent": "planner", "grow": 2, "imagine": 40, "ticks": 84, **more}
-    target = ("row<2*", "column<3*")
+    given.setdefault("target", ("row<2*", "column<3*"))
     return options_for(
         *("neurosnap/FrozenLake-v0", 3, {"is_slippery": True}),
-        target=target,
         threshold=EXACT,
         **given,
     )
+
+
+def _preferring(**more: Any) -> RunOptions:
+    """A run that does what promises most of what it prefers."""
+    prefer = {"prefer": "row<2*=1,tile=hole=-5", "explore": "planned"}
+    return _slipping(target=(), **prefer, **more)
 
 
 def _exploring(world: str, arguments: dict[str, int], **more: Any) -> RunOptions:
@@ -280,6 +285,14 @@ SCENARIOS = (
         _slipping(cells="worker", workers=2),
         like="slipping",
         order=8,
+        loses=997,
+    ),
+    _world("preferring", _preferring(cells="inline")),
+    _world(
+        "preferring-lossy",
+        _preferring(cells="worker", workers=2),
+        like="preferring",
+        order=11,
         loses=997,
     ),
     _world("latching", _latching(cells="inline")),

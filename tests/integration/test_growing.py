@@ -182,7 +182,9 @@ def test_where_every_action_slips_its_plan_is_nearly_the_best_there_is(
     )
     assert best == pytest.approx(14 / 17, abs=1e-3)
     assert real >= 0.8 * best
-    told = re.fullmatch(r"arrives with a chance of (\d+) %: \w+", decision.why)
+    told = re.fullmatch(
+        r"arrives with a chance of (\d+) %: \w+, which led to .+ %\)", decision.why
+    )
     assert told is not None
     assert abs(int(told[1]) / 100 - real) < 0.2
 

@@ -12,7 +12,7 @@ from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.planner import Planner
-from neurosnap.agent.policy import EXPLORE, Closures, Deliberation, Policy
+from neurosnap.agent.policy import EXPLORE, Aim, Closures, Deliberation, Policy
 from tools.paper.worlds_as_tables import Setting, Stage, StageEnv, stage_of
 
 CHECKS = 40
@@ -25,7 +25,7 @@ class Explorer(Agent):
     waves = 0
     """Asked for so far."""
 
-    def aim(self, target: Iterable[str | int], explore: float = 0.0) -> None:
+    def aim(self, target: Aim, explore: float = 0.0) -> None:
         """Plan by imagined waves from now on; see `Agent.aim`."""
         super().aim(target, explore)
         self._mind.policy = _Counted(self._mind.policy, self)

@@ -47,6 +47,7 @@ class History:
         on: ``(W, N)``: the ticks at which each sensor read on.
         off: ``(W, N)``: at which it read off.
         begun: ``(W,)``: the ticks that follow none, as a trajectory begins at them.
+        over: ``(W,)``: those of them before which another had come to its own end.
         tick: The last tick it holds, counted from 1; 0: none.
 
     Raises:
@@ -60,6 +61,7 @@ class History:
         self.on: Words = np.zeros((length // 64, sensors), np.uint64)
         self.off = self.on.copy()
         self.begun: Words = np.zeros(length // 64, np.uint64)
+        self.over: Words = self.begun.copy()
         self.tick = 0
 
     @property
@@ -77,10 +79,12 @@ class History:
         bits: NDArray[np.bool_],
         known: NDArray[np.bool_] | None = None,
         begins: bool = False,
+        ended: bool = False,
     ) -> None:
         """Record an observation, ``(N,)``, in the place of the oldest. O(N) time.
 
-        It `begins` a trajectory if it does not follow the one before.
+        It `begins` a trajectory if it does not follow the one before, which may have
+        `ended` by itself.
         """
         word, place = self.tick // 64 % len(self.on), np.uint64(self.tick % 64)
         off = ~bits
@@ -90,15 +94,16 @@ class History:
             row = ring[word]
             row &= ~(_ONE << place)
             row |= flags.astype(np.uint64) << place
-        self.begun[word] &= ~(_ONE << place)
-        self.begun[word] |= np.uint64(begins) << place
+        for marks, so in (self.begun, begins), (self.over, begins and ended):
+            marks[word] &= ~(_ONE << place)
+            marks[word] |= np.uint64(so) << place
         self.tick += 1
 
     def double(self) -> None:
         """Keep twice as many ticks, before it has come round."""
-        self.on, self.off, self.begun = (
+        self.on, self.off, self.begun, self.over = (
             np.concatenate([ring, np.zeros_like(ring)])
-            for ring in (self.on, self.off, self.begun)
+            for ring in (self.on, self.off, self.begun, self.over)
         )
 
     def ticks_of(self, literal: int) -> Words:
@@ -182,8 +187,13 @@ class History:
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name; without words not reached yet."""
         used = slice(-(-self.ticks // 64))
-        rings = {"on": self.on[used], "off": self.off[used], "begun": self.begun[used]}
-        return rings | {"next": np.array(self.tick, np.int64)}
+        return {
+            "on": self.on[used],
+            "off": self.off[used],
+            "begun": self.begun[used],
+            "over": self.over[used],
+            "next": np.array(self.tick, np.int64),
+        }
 
     @classmethod
     def from_arrays(cls, arrays: Arrays, sensors: int, length: int) -> Self:
@@ -198,6 +208,7 @@ class History:
         history.on[:used] = entry(arrays, "on", (used, sensors), np.uint64)
         history.off[:used] = entry(arrays, "off", (used, sensors), np.uint64)
         history.begun[:used] = entry(arrays, "begun", (used,), np.uint64)
+        history.over[:used] = entry(arrays, "over", (used,), np.uint64)
         if history.tick < 0 or (history.on & history.off).any():
             raise ValueError("on, off: must exclude each other")
         return history

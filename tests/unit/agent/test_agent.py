@@ -3,9 +3,10 @@
 import re
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
-from gymnasium.spaces import Discrete
+from gymnasium.spaces import Discrete, MultiBinary
 
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
@@ -97,3 +98,63 @@ class TestOf:
             InvalidValueError, match=r"^PathWorld: observation space: m"
         ):
             Agent.of(env, "walker")
+
+
+class Doors(gymnasium.Env[Any, Any]):
+    """Two doors with a prize behind one of them; the left, as often as it is told.
+
+    One who took a door sees nothing of it but the prize; then it is over.
+    """
+
+    sensors, actions = ("there", "prize"), ("go", "left", "right")
+
+    def __init__(self, left: float) -> None:
+        self.observation_space, self.action_space = MultiBinary(2), Discrete(3)
+        self.left = left
+        self._there = False
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        super().reset(seed=seed)
+        self._there = False
+        return np.array([0, 0], np.int8), {}
+
+    def step(self, action: int) -> Any:
+        prize = bool(self.np_random.random() < self.left)
+        prize = self._there and action > 0 and prize == (action == 1)
+        over = self._there and action > 0
+        self._there = self._there or action == 0
+        seen = np.array([self._there, prize], np.int8)
+        return seen, float(prize), over, False, {}
+
+
+@pytest.mark.parametrize(("left", "door"), [(0.7, 1), (0.3, 2)])
+def test_what_it_prefers_comes_as_often_as_it_can(left: float, door: int) -> None:
+    env = Doors(left)
+    going = Agent.of(env, "planner", grow=9, imagine=True, seed=1)
+    going.learn(env, 400, seed=1)
+    going.aim({"prize": 1.0})
+    going.set_down()
+    assert going.act([0, 0], begins=True).action == 0
+    decision = going.act([1, 0])
+    assert decision.action == door
+    told = re.fullmatch(r"expects (0\.\d+) of what it prefers: \w+", decision.why)
+    assert told is not None
+    assert abs(float(told[1]) - 0.7) < 0.15
+    going.aim({"prize": -1.0})
+    going.set_down()
+    assert going.act([1, 0], begins=True).action == 0  # takes neither
+
+
+def test_where_nothing_is_known_what_is_preferred_is_looked_for() -> None:
+    env = Doors(0.9)
+    going = Agent.of(
+        *(env, "planner"),
+        prefer={"prize": 1.0},
+        explore="planned",
+        grow=9,
+        imagine=True,
+        seed=1,
+    )
+    going.run(env, 300, seed=1)
+    walking = Agent.of(env, "walker", seed=1).run(env, 300, seed=2)
+    assert going.run(env, 300, seed=2).reward > 1.5 * walking.reward > 0

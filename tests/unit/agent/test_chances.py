@@ -1,6 +1,6 @@
 """Plans where chance decides, held against tables that are counted and solved apart."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.chances import (
+    DISCOUNT,
+    PATIENCE,
     SURE,
     Moves,
     moves_in,
@@ -18,17 +20,21 @@ from neurosnap.agent.chances import (
     told_before,
 )
 from neurosnap.agent.clones import walk_in
-from neurosnap.agent.plan import ContingentPlan
+from neurosnap.agent.plan import ContingentPlan, Names
 from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.reading_history import History
-from neurosnap.sensorium import complete
+from neurosnap.sensorium import Sensorium, complete
 
 WALK = Body.full(["here", "there", "goal"], ["left", "right"], room=1)
 NAMES = len(WALK.sensors)
 
 
 def seen(
-    history: History, own: list[int], action: int = -1, known: bool = True
+    history: History,
+    own: list[int],
+    action: int = -1,
+    known: bool = True,
+    ended: bool = False,
 ) -> None:
     """Record what was read after an action; none begins a trajectory."""
     bits = np.zeros(NAMES, np.bool_)
@@ -37,17 +43,30 @@ def seen(
         bits[len(own) + action] = True
     sure = np.ones(NAMES, np.bool_)
     sure[0] = known
-    history.record(bits, sure, action < 0)
+    history.record(bits, sure, action < 0, ended)
 
 
 def plan(
-    history: History, own: list[int], *target: int, doubted: Sequence[int] = ()
+    history: History,
+    own: list[int],
+    *target: int,
+    doubted: Sequence[int] = (),
+    prefers: Mapping[int, float] | None = None,
+    explores: bool = True,
 ) -> tuple[ContingentPlan | None, NDArray[np.bool_]]:
     state = np.zeros(2 * NAMES, np.bool_)
     state[: 2 * len(own)] = complete(np.array(own, np.bool_))
     coins = np.isin(np.arange(len(own)), doubted)
-    asking = plan_by_chance(WALK, target, history, state, coins)
+    told = history, state, coins, explores
+    asking = plan_by_chance(WALK, target, prefers or {}, *told)
     return answered(asking, history.answer), state
+
+
+def place_in(found: ContingentPlan, own: list[int]) -> int:
+    """Return which of a plan's places reads so; -1 if it has none."""
+    literals = complete(np.array(own, np.bool_))
+    rows = np.flatnonzero((found.places[:, : 2 * len(own)] == literals).all(axis=1))
+    return int(rows[0]) if rows.size else -1
 
 
 def test_moves_are_what_was_read_before_and_after_one_action() -> None:
@@ -102,17 +121,17 @@ def test_no_plan_has_a_greater_chance(moved: list[tuple[int, int, int]]) -> None
         times[move] += 1
     tried = times.sum(axis=2)
 
-    def chances(actions: tuple[int, ...]) -> NDArray[np.float64]:
+    def chances(actions: Sequence[int], discount: float) -> NDArray[np.float64]:
         """The chance to arrive from each place, if this is done there."""
         led, fixed = np.eye(4), np.array([0, 0, 0, 1.0])
         for place, action in enumerate(actions):
-            if tried[place, action]:
-                # Less by a ten-thousandth for each step of the way.
-                share = 0.9999 * times[place, action] / tried[place, action]
+            if action >= 0 and tried[place, action]:
+                share = discount * times[place, action] / tried[place, action]
                 led[place] -= share
-        return np.linalg.solve(led, fixed)[:3]
+        return np.asarray(np.linalg.lstsq(led, fixed)[0][:3], np.float64)
 
-    best = np.max([chances(each) for each in product((0, 1), repeat=3)], axis=0)
+    every = list(product((0, 1), repeat=3))
+    best = np.max([chances(each, PATIENCE) for each in every], axis=0)
     for place in range(3):
         found, state = plan(history, codes[place], 4)
         # A place of which no move is remembered has no row in a table.
@@ -120,13 +139,64 @@ def test_no_plan_has_a_greater_chance(moved: list[tuple[int, int, int]]) -> None
             assert found is None
             continue
         assert found is not None
-        (at,) = np.flatnonzero(~(found.places & ~state).any(axis=1)).tolist()
-        assert abs(found.chances[at] - best[place]) < 1e-4
         action, again = found.step(state)
         assert again is found
-        others = [a for a in product((0, 1), repeat=3) if a[place] == action]
-        reached = max(chances(each)[place] for each in others)
+        others = [a for a in every if a[place] == action]
+        reached = max(chances(each, PATIENCE)[place] for each in others)
         assert abs(reached - best[place]) < 1e-4
+        rows = [place_in(found, own) for own in codes[:3]]
+        taken = [int(found.actions[row]) if row >= 0 else -1 for row in rows]
+        shown = found.values[rows[place]]
+        assert abs(shown - chances(taken, 1.0)[place]) < 1e-2
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2), st.integers(0, 1), st.integers(0, 3)),
+        min_size=1,
+        max_size=40,
+    ),
+    st.floats(-3, 3),
+    st.floats(-3, 3),
+)
+def test_no_plan_gets_more_of_what_is_preferred(
+    moved: list[tuple[int, int, int]], here: float, missed: float
+) -> None:
+    """Places 0 to 2; what leads to 3 ends where it looks as it did before."""
+    codes = ([0, 0, 0], [1, 0, 0], [0, 1, 0])
+    history = History(NAMES, 128)
+    ended = False
+    gains, times = np.zeros((3, 2)), np.zeros((3, 2, 4))
+    for start, action, after in moved:
+        seen(history, codes[start], ended=ended)
+        code = codes[start if after == 3 else after]
+        seen(history, code, action)
+        ended = after == 3
+        times[start, action, after] += 1
+        gains[start, action] += here * code[0] + missed * (not code[1])
+    seen(history, codes[0], ended=ended)
+    tried = times.sum(axis=2)
+
+    def worth(actions: Sequence[int]) -> NDArray[np.float64] | None:
+        """What is got from each place, if this is done there."""
+        led, fixed = np.eye(4), np.zeros(4)
+        for place, action in enumerate(actions):
+            if tried[place].any() and not tried[place, action]:
+                return None  # it is not known what that does
+            if tried[place, action]:
+                led[place] -= DISCOUNT * times[place, action] / tried[place, action]
+                fixed[place] = gains[place, action] / tried[place, action]
+        return np.asarray(np.linalg.solve(led, fixed)[:3], np.float64)
+
+    known = [w for a in product((0, 1), repeat=3) if (w := worth(a)) is not None]
+    best = np.max(known, axis=0)
+    found, _ = plan(history, codes[0], prefers={0: here, 3: missed}, explores=False)
+    assert found is not None
+    for place in np.flatnonzero(tried.any(axis=1)).tolist():
+        row = place_in(found, codes[place])
+        assert abs(found.values[row] - best[place]) < 1e-3
+        state = np.concatenate((complete(np.array(codes[place], np.bool_)), [False]))
+        assert found.goes_on(np.pad(state, (0, 2 * NAMES - 7)), history.tick)
 
 
 def test_a_coin_tells_no_place_from_another_and_a_slip_does() -> None:
@@ -150,8 +220,9 @@ def test_what_may_be_a_coin_is_left_out_unless_it_tells() -> None:
         seen(history, [0, int(rng.integers(2)), int(here and luck)], 0)
     found, state = plan(history, [1, 0, 0], 4, doubted=[0, 1])
     assert found is not None
-    assert found.places.sum() == 2  # where it is, and whether it has arrived
-    assert abs(found.chances[0] - 0.5) < 0.1
+    (row,) = np.flatnonzero(found.actions >= 0)
+    assert found.places[row].sum() == 2  # where it is, and whether it has arrived
+    assert abs(found.values[row] - 0.5) < 0.1
     assert found.goes_on(state, history.tick)
     assert plan(history, [0, 0, 0], 4, doubted=[0, 1])[0] is None
 
@@ -183,8 +254,9 @@ def test_one_that_explores_goes_to_what_was_hardly_tried() -> None:
     found, state = plan(history, here)
     assert found is not None
     assert found.step(state)[0] == 0
-    says = "comes to what was hardly tried with a chance of 100 %: left"
-    assert found.reason(state, WALK.actions) == says
+    names = Names(WALK.actions, Sensorium(WALK.sensors))
+    says = "comes to what was hardly tried: left, which led to here* there (50 %), "
+    assert found.reason(state, names) == f"{says}no change (50 %)"
 
 
 def test_where_nothing_slips_nothing_is_explored_by_chance() -> None:

@@ -5,10 +5,12 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import BEGINNING, Experience
-from neurosnap.agent.plan import ContingentPlan, Plan
+from neurosnap.agent.plan import ContingentPlan, Names, Plan
+from neurosnap.sensorium import Sensorium
 
 BODY = Body.full(["wall", "goal", "coin"], ["go", "stay"])
 COIN = BODY.own.index("coin")
+NAMES = Names(BODY.actions, Sensorium(BODY.sensors))
 
 
 def place(**readings: bool) -> NDArray[np.bool_]:
@@ -138,8 +140,11 @@ def test_a_plan_of_either_kind_is_stored_and_goes_on() -> None:
     experience, again = Experience(BODY), Experience(BODY)
     here, gone = place(wall=True, goal=False), place(wall=False)
     places = np.stack([here, gone])
+    ways, shares = np.array([[0, 1, -1], [0, -1, -1]]), np.full((2, 3), 0.75)
+    worth = np.array([0.5, 0.25])
+    experience.asked_until = 3
     experience.plan = ContingentPlan(
-        np.array([1, 0]), places, "arrives", np.array([0.5, 0.25]), 7
+        np.array([1, 0]), places, "arrives", worth, 7, ways, shares
     )
     again.restore(experience.arrays())
     assert isinstance(again.plan, ContingentPlan)
@@ -148,14 +153,14 @@ def test_a_plan_of_either_kind_is_stored_and_goes_on() -> None:
     assert not again.plan.goes_on(state, 8)
     assert not again.plan.goes_on(place(wall=True), 7)
     assert again.plan.step(state)[0] == 1
-    assert again.plan.reason(state, BODY.actions) == (
-        "arrives with a chance of 50 %: stay"
-    )
-    assert again.plan.reason(gone, BODY.actions) == "arrives with a chance of 25 %: go"
+    assert again.asked_until == 3
+    said = "arrives with a chance of 50 %: stay, which led to no change (75 %), "
+    assert again.plan.reason(state, NAMES) == f"{said}wall* (75 %)"
+    assert again.plan.reason(gone, NAMES) == "arrives with a chance of 25 %: go"
     experience.plan = Plan((1,), here[None], "to test what stay does there, ")
     other = Experience(BODY)
     other.restore(experience.arrays())
     assert isinstance(other.plan, Plan)
-    assert other.plan.reason(state, BODY.actions) == (
+    assert other.plan.reason(state, NAMES) == (
         "to test what stay does there, in 1: stay"
     )

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
+from neurosnap.agent.experience import Experience
 from neurosnap.agent.planner import Planner
 from neurosnap.agent.policy import AgentKind
-from neurosnap.agent.policy_kinds import Excited, Walker, new_policy
+from neurosnap.agent.policy_kinds import Excited, Walker, new_policy, preferences
 from neurosnap.agent.random_draws import WIDTH, RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
 from tests.support.deliberations import asked, decided
@@ -21,6 +22,7 @@ from tests.support.hypothesis_settings import examples
 Bits = NDArray[np.bool_]
 LARGEST = 2**63 - 1
 BODY = Body.full(["a", "better", "worse"], ["x", "y"], [0, 1, 1])
+GROWING = Body.full(["a", "b"], ["x", "y"], room=3)
 KINDS: dict[AgentKind, type] = {
     "walker": Walker,
     "excited": Excited,
@@ -75,6 +77,37 @@ def test_each_is_had_by_its_name_and_acts_at_random_as_often_as_it_is_told(
             if kind != "walker"
         ),
         *(
+            (kind, BODY, {"prefer": {"a": 1}}, rule)
+            for kind in KINDS
+            for rule in ["prefer: must go with a planner that imagines (such as imagi"]
+        ),
+        *(
+            (
+                "planner",
+                body,
+                {"imagine": 9, "experience": Experience(body), **given},
+                rule,
+            )
+            for body, given, rule in (
+                (
+                    BODY,
+                    {"prefer": {"a": 1}},
+                    "prefer: must go with an agent that grows",
+                ),
+                (
+                    GROWING,
+                    {"prefer": {"a": 1}, "target": ["b"]},
+                    "prefer: must come without a target, got ('b',)",
+                ),
+                (
+                    GROWING,
+                    {"prefer": {"a": np.inf}},
+                    "prefer: must have finite weights, got 'a=inf'",
+                ),
+                (GROWING, {"prefer": {"c": 1}}, "literal: must name a sensor that ex"),
+            )
+        ),
+        *(
             ("excited", Body.full(own, ["x"]), {}, rule)
             for own in [("a",), ("better", "a"), ("worse",)]
             for rule in ["agent excited: must have a world with the sensors better and"]
@@ -87,6 +120,15 @@ def test_what_does_not_go_together_is_refused(
     with pytest.raises(InvalidValueError) as caught:
         new_policy(kind, body, 0, **given)
     assert str(caught.value).startswith(rule)
+
+
+@pytest.mark.parametrize(
+    "text", ["won", "won=", "=1", "won=much", "won=nan", "won=1,", "won=1, won=2", ","]
+)
+def test_a_preference_that_is_no_name_and_number_is_refused(text: str) -> None:
+    with pytest.raises(InvalidValueError, match=r"^prefer: must be names"):
+        preferences(text)
+    assert preferences(" ") == {}
 
 
 # The walker ---------------------------------------------------------------------------

@@ -9,19 +9,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.agent.plan import Plan, plan_told
+from neurosnap.agent.plan import Names, Plan, plan_told
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.background_reading import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.waves import first_shown, plan_of
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run_with_restarts import run
+from neurosnap.sensorium import Sensorium
 from tests.support.lamp import BIRTH, GROWN, lamp_options
 
 TICKS, SENSORS = 120, 24
 LEARNED = 60  # ticks after which every outcome in the lamp's world is guaranteed
 HERE = np.zeros(2, np.bool_)
 ACTIONS = ("down", "right", "in 3", "up")
+NAMES = Names(ACTIONS, Sensorium(["door"]))
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +117,7 @@ def test_a_plan_begins_with_the_decision_and_says_how_far_it_is(view: RunView) -
 )
 def test_a_reason_tells_its_plan(steps: list[int], why: str) -> None:
     plan = Plan(tuple(steps), np.zeros((len(steps), 2), np.bool_), why)
-    told = plan_told(plan.reason(HERE, ACTIONS), ACTIONS)
+    told = plan_told(plan.reason(HERE, NAMES), ACTIONS)
     assert told == (len(steps), tuple(steps[:6]), why.removesuffix(", "))
 
 
@@ -132,7 +134,7 @@ def test_what_tells_of_no_plan_is_none(why: str) -> None:
 
 def test_a_plan_counts_the_steps_it_does_not_name() -> None:
     steps = (0, 1, 1, 0, 3, 0, 1, 3)
-    why = Plan(steps, np.zeros((8, 2), np.bool_), "").reason(HERE, ACTIONS)
+    why = Plan(steps, np.zeros((8, 2), np.bool_), "").reason(HERE, NAMES)
     plan = plan_of(wire.Decision(4, steps[0], why), ACTIONS, ("door", "dark"))
     told = api.PlanView(steps=list(steps[:6]), more=2, why="to achieve door, dark")
     assert plan == told
