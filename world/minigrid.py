@@ -1,11 +1,14 @@
 """MiniGrid's mazes, seen through binary sensors.
 
 The layout is drawn once and stays: what happens next is a function of where the agent
-is, which way it looks, what it carries, and the door. There is no limit on time.
+is, which way it looks, what it carries, the doors, and where things lie. There is no
+limit on time.
 It needs the package `minigrid`, which the extra of that name brings.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
 from typing import Any, NamedTuple, SupportsInt
 
 import gymnasium
@@ -25,8 +28,12 @@ LAYOUTS = (
     "DoorKey-5x5",
     "DoorKey-6x6",
     "DoorKey-8x8",
+    "Unlock",
+    "MultiRoom-N2-S4",
+    "KeyCorridorS3R1",
 )
 """The mazes, by the names that MiniGrid has for them."""
+_THINGS = ("key", "ball")  # that can be carried
 _FACING = ("east", "south", "west", "north")
 _LAST = 10**30
 """The last step of an episode: so far off that MiniGrid's reward does not shrink."""
@@ -44,9 +51,11 @@ class MazeStanding(NamedTuple):
     tile: str
     """What the agent stands on: ``goal``, ``door`` or ``floor``."""
     carries: str
-    """``key`` or ``nothing``."""
-    door: str
-    """``locked``, ``closed`` or ``open``; ``none`` where there is no door."""
+    """``key``, ``ball`` or ``nothing``."""
+    doors: tuple[str, ...]
+    """Each ``locked``, ``closed`` or ``open``, row by row."""
+    lies: tuple[int, ...]
+    """Row and column of the key, then of the ball; 0 if it is carried or not there."""
 
 
 class Maze(gymnasium.ActionWrapper[Any, Any, Any]):
@@ -86,12 +95,16 @@ def minigrid(
     """Return a maze of MiniGrid.
 
     Description:
-        A maze of cells, and a goal; there may be a locked door before it, and a key.
+        A maze of cells, and mostly a goal; there may be doors before it, and keys. In
+        ``Unlock`` a door is to be opened, in ``KeyCorridorS3R1`` a ball to be taken,
+        for which the key must be dropped.
 
     Sensors:
         ``row<2``, ``row<3``, ...; ``column<2``, ...; ``facing=east``, ``=south``,
-        ``=west``, ``=north``; ``tile=goal``; and where there is a door
-        ``carries=key``, ``door=locked``, ``door=open``.
+        ``=west``, ``=north``. Where there is one ``tile=goal``; ``carries=key``;
+        ``carries=ball``; ``door=locked`` and ``door=open``, of several
+        ``door_1=locked`` and so on. And if things can be dropped ``key_row<2``, ...,
+        ``ball_column<2``, ...: where they lie.
 
     Actions:
         Those of MiniGrid, unless some are left out: ``drop`` and ``done`` are.
@@ -100,10 +113,10 @@ def minigrid(
         Always the same place.
 
     Reward:
-        1 at the goal, 0 elsewhere.
+        1 when it ends, 0 before.
 
     End:
-        At the goal.
+        At the goal, or when what is to be done is done.
 
     Info:
         There is none.
@@ -133,16 +146,42 @@ def minigrid(
         raise MissingExtraError(f"MiniGrid: {rule}") from error
     maze = Maze(inner, layout_seed, actions)
     maze.reset()
+    return BinarySensors(maze, _sensors(maze, actions), standing, tuple(actions))
+
+
+def _sensors(maze: Maze, actions: Sequence[str]) -> list[Sensor]:
+    """Return what is sensed in a maze; of kinds of things those that are there."""
+    inner: Any = maze.unwrapped
+    rows, columns = range(2, inner.height - 1), range(2, inner.width - 1)
+    begun, kinds = standing(maze), {one.type for one in inner.grid.grid if one}
     sensors: list[Sensor] = [
-        *thresholds("row", range(2, inner.height - 1), of=Attribute("row")),
-        *thresholds("column", range(2, inner.width - 1), of=Attribute("column")),
+        *thresholds("row", rows, of=Attribute("row")),
+        *thresholds("column", columns, of=Attribute("column")),
         *one_hot("facing", _FACING, of=Attribute("facing")),
-        *one_hot("tile", ["goal"], of=Attribute("tile")),
     ]
-    if standing(maze).door != "none":
-        sensors += one_hot("carries", ["key"], of=Attribute("carries"))
-        sensors += one_hot("door", ["locked", "open"], of=Attribute("door"))
-    return BinarySensors(maze, sensors, standing, tuple(actions))
+    if "goal" in kinds:
+        sensors += one_hot("tile", ["goal"], of=Attribute("tile"))
+    things = [kind for kind in _THINGS if kind in kinds]
+    sensors += one_hot("carries", things, of=Attribute("carries"))
+    for door in range(len(begun.doors)):
+        name = "door" if len(begun.doors) == 1 else f"door_{door + 1}"
+        sensors += one_hot(name, ["locked", "open"], of=_Entry("doors", door))
+    for thing in things if "drop" in actions else ():
+        at = 2 * _THINGS.index(thing)
+        sensors += thresholds(f"{thing}_row", rows, of=_Entry("lies", at))
+        sensors += thresholds(f"{thing}_column", columns, of=_Entry("lies", at + 1))
+    return sensors
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """An entry of a state's attribute, as `Attribute` is the whole of it."""
+
+    name: str
+    place: int
+
+    def __call__(self, state: object) -> Any:  # noqa: ANN401 - the sensor knows
+        return getattr(state, self.name)[self.place]
 
 
 def standing(env: Environment, *_: object) -> MazeStanding:
@@ -150,10 +189,16 @@ def standing(env: Environment, *_: object) -> MazeStanding:
     maze: Any = env.unwrapped
     column, row = (int(x) for x in maze.agent_pos)
     under = maze.grid.get(column, row)
-    door = "none"
-    for one in maze.grid.grid:
+    doors, lies = [], dict.fromkeys(_THINGS, (0, 0))
+    for number, one in enumerate(maze.grid.grid):
         if one is not None and one.type == "door":
-            door = "locked" if one.is_locked else "open" if one.is_open else "closed"
+            doors.append(
+                "locked" if one.is_locked else "open" if one.is_open else "closed"
+            )
+        elif one is not None and one.type in lies:
+            lies[one.type] = divmod(number, maze.width)
     tile = "floor" if under is None else under.type
     carries = "nothing" if maze.carrying is None else maze.carrying.type
-    return MazeStanding(row, column, _FACING[int(maze.agent_dir)], tile, carries, door)
+    facing = _FACING[int(maze.agent_dir)]
+    at = tuple(chain.from_iterable(lies.values()))
+    return MazeStanding(row, column, facing, tile, carries, tuple(doors), at)

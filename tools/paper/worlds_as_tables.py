@@ -51,6 +51,7 @@ class Setting(msgspec.Struct, frozen=True, kw_only=True):
 def settings() -> tuple[Setting, ...]:
     """Return the worlds of the figure; MiniGrid's if it is installed."""
     lake, minigrid = "neurosnap/FrozenLake-v0", "neurosnap/MiniGrid-v0"
+    slips = (("is_slippery", True),)
     always = (
         Setting(name="lake 4x4", world=lake, steps=1000),
         Setting(
@@ -69,11 +70,13 @@ def settings() -> tuple[Setting, ...]:
         ),
         Setting(name="rail", world="neurosnap/Cycle-v0", steps=30_000, walk=True),
         Setting(name="lake, 3 coins", world=lake, steps=2000, coins=3),
-        Setting(
-            name="lake, slippery",
-            world=lake,
-            arguments=(("is_slippery", True),),
-            steps=5000,
+        *(
+            Setting(name=name, world=world, arguments=where, steps=steps, room=120)
+            for name, world, where, steps in (
+                ("lake, slippery", lake, slips, 5000),
+                ("lake 8x8, slippery", lake, (("map_name", "8x8"), *slips), 20_000),
+                ("cliff, slippery", "neurosnap/CliffWalking-v0", slips, 20_000),
+            )
         ),
     )
     if find_spec("minigrid") is None:
@@ -84,16 +87,19 @@ def settings() -> tuple[Setting, ...]:
             Setting(
                 name=f"MiniGrid {name}",
                 world=minigrid,
-                arguments=(("layout", layout),),
+                arguments=(("layout", layout), *more),
                 steps=20_000,
                 room=300,
                 to_goal=True,
             )
-            for name, layout in (
+            for name, layout, *more in (
                 ("empty 8x8", "Empty-8x8"),
                 ("four rooms", "FourRooms"),
                 ("door and key 5x5", "DoorKey-5x5"),
                 ("door and key 8x8", "DoorKey-8x8"),
+                ("unlock", "Unlock"),
+                ("two rooms", "MultiRoom-N2-S4"),
+                ("key corridor", "KeyCorridorS3R1", ("actions", ACTIONS[:6])),
             )
         ),
     )
