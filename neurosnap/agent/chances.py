@@ -167,7 +167,7 @@ def _counted(
     history: History,
     doubted: NDArray[np.bool_],
 ) -> Search[_Counted | None]:
-    """Ask for past readings, and count moves; None if there are none."""
+    """Ask for past readings, and count moves; None if there are none, or no places."""
     sought = [a >> 1 for a in target]
     makes_place = {*np.flatnonzero(body.position[::2]).tolist(), *body.carries, *sought}
     numbers = sorted(makes_place | {a >> 1 for a in prefers})
@@ -176,8 +176,6 @@ def _counted(
     asked = *taken, *(b for k in numbers for b in (2 * k, 2 * k + 1))
     read = (yield Question(readings=tuple(dict.fromkeys(asked)))).readings
     moves = moves_in(walk_in(read, sensors, taken, history.tick))
-    if not moves.tick.size:
-        return None
     gains = np.zeros(len(moves.tick))
     for literal, worth in prefers.items():
         on = moves.after[:, numbers.index(literal >> 1)]
@@ -187,6 +185,8 @@ def _counted(
         kept |= telling(moves, len(taken))
     kept &= np.isin(sensors, list(makes_place))  # what is only liked makes no place
     sensors, before, after = sensors[kept], moves.before[:, kept], moves.after[:, kept]
+    if not before.size:
+        return None
     places, number = _numbered(np.concatenate((before, after)))
     pairs = number[: len(before)] * len(taken) + moves.action
     led = number[len(before) :]

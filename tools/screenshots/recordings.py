@@ -14,6 +14,11 @@ _LAKE = (
     " --set agent.imagine=2000 --set agent.grow=30 --set agent.explore=planned"
     " --ticks 600 --set recording.frames=1"
 )
+_SLIPPERY = (
+    "neurosnap/FrozenLake-v0 --set is_slippery=true --agent planner --target tile=goal"
+    " --set agent.imagine=200 --set agent.grow=30 --set agent.explore=0.3 --ticks 900"
+    " --set recording.frames=1"
+)
 _SILENT = ("power", "green")
 """Sensors that say nothing at every other tick of the end."""
 _FROM = 300
@@ -80,5 +85,6 @@ RECORDINGS: dict[str, Callable[[Path], str]] = {
     "packing": _packing,
     "crowd": lambda folder: f"{_crowd(folder)} --threshold 0.02",
     "lake": lambda _: f"{_LAKE} --seed 1",
+    "slippery": lambda _: f"{_SLIPPERY} --seed 1",
 }
 """What `neurosnap run` is asked for, by name; some write their readings first."""

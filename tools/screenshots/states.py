@@ -98,6 +98,9 @@ STATES: dict[str, State] = {
         (_seen("#grown-list tbody tr"), _seen("#image-drawing:visible")),
         (1280, 900),
     ),
+    "chance": State(
+        ("slippery",), 737, "", (_seen("#image-drawing:visible"),), (1280, 900)
+    ),
     "phone": State(("packing",), 383, "", (), PHONE),
 }
 """By name."""

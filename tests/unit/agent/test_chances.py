@@ -199,6 +199,23 @@ def test_no_plan_gets_more_of_what_is_preferred(
         assert found.goes_on(np.pad(state, (0, 2 * NAMES - 7)), history.tick)
 
 
+def test_what_is_only_preferred_makes_no_place() -> None:
+    body = Body.full(["here", "won"], ["go"], [0, 1], room=1)
+    history, rng = History(len(body.sensors), 1024), np.random.default_rng(2)
+    state = np.zeros(2 * len(body.sensors), np.bool_)
+    state[1] = True
+    for here in rng.integers(2, size=1000).tolist():
+        bits = np.zeros(len(body.sensors), np.bool_)
+        bits[:3] = here, here and rng.random() < 0.5, True
+        history.record(bits)
+    asking = plan_by_chance(body, (), {2: 1.0}, history, state, np.zeros(2, np.bool_))
+    found = answered(asking, history.answer)
+    assert found is not None
+    assert (found.actions >= 0).sum() == 2
+    each = found.values[found.actions >= 0] * (1 - DISCOUNT)
+    assert np.abs(each - 0.25).max() < 0.03  # half of what is here, which is half
+
+
 def test_a_coin_tells_no_place_from_another_and_a_slip_does() -> None:
     rng, size = np.random.default_rng(3), 2000
     before = rng.integers(2, size=(size, 3)).astype(np.bool_)
@@ -225,6 +242,15 @@ def test_what_may_be_a_coin_is_left_out_unless_it_tells() -> None:
     assert abs(found.values[row] - 0.5) < 0.1
     assert found.goes_on(state, history.tick)
     assert plan(history, [0, 0, 0], 4, doubted=[0, 1])[0] is None
+
+
+def test_where_all_are_coins_there_is_no_place_and_no_plan() -> None:
+    history, rng = History(NAMES, 2048), np.random.default_rng(6)
+    assert plan(history, [0, 0, 0])[0] is None
+    for _ in range(500):
+        seen(history, rng.integers(2, size=3).tolist())
+        seen(history, rng.integers(2, size=3).tolist(), 0)
+    assert plan(history, [0, 0, 0], doubted=[0, 1, 2])[0] is None
 
 
 def test_coins_are_rarely_taken_for_more() -> None:
@@ -264,6 +290,19 @@ def test_where_nothing_slips_nothing_is_explored_by_chance() -> None:
     seen(history, [1, 0, 0])
     seen(history, [0, 1, 0], 0)
     assert plan(history, [1, 0, 0])[0] is None
+
+
+def test_where_nothing_slips_one_try_is_enough() -> None:
+    history, here, goal = History(NAMES, 64), [1, 0, 0], [0, 0, 1]
+    for before, action, after in ((here, 0, here), (here, 1, goal), (goal, 1, here)):
+        seen(history, before)
+        seen(history, after, action)
+    found, state = plan(history, here, prefers={4: 1.0})
+    assert found is not None
+    assert found.step(state)[0] == 1
+    found, state = plan(history, goal, prefers={4: 1.0})
+    assert found is not None
+    assert found.step(state)[0] == 0  # which was never taken there
 
 
 def test_what_the_move_before_tells_is_told_from_chance() -> None:
