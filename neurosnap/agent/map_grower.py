@@ -22,6 +22,7 @@ from neurosnap.poc.learning.history_questions import Question, Search
 from neurosnap.poc.learning.reading_history import History
 
 _FIRST: Final = 256  # the tick of the first search; each later one is at twice as many
+_LATE: Final = 8192  # ticks that are searched: a second
 _ATTEMPTS: Final = 4  # ticks in a row at which a search begins with other chances
 _UNEXPLAINED: Final = 4  # surprises that nothing explained, since the last search
 
@@ -129,7 +130,8 @@ class MapGrower:
         walk = yield from self._walk(history, sensors.tolist())
         actions = len(self._body.actions)
         kept = ~coins[sensors] | telling(moves_in(walk), actions)
-        walk = Walk(walk.on[:, kept], walk.off[:, kept], walk.actions)
+        late = slice(-_LATE, None)
+        walk = Walk(walk.on[late, kept], walk.off[late, kept], walk.actions[late])
         found, left_open = find_map(walk, actions, sought.attempts)
         if left_open > OPEN:
             sought.attempts = 0

@@ -83,8 +83,8 @@ class History:
     ) -> None:
         """Record an observation, ``(N,)``, in the place of the oldest. O(N) time.
 
-        It `begins` a trajectory if it does not follow the one before, which may have
-        `ended` by itself.
+        It `begins` a trajectory if it does not follow the one before; then a trajectory
+        may have `ended` by itself.
         """
         word, place = self.tick // 64 % len(self.on), np.uint64(self.tick % 64)
         off = ~bits
@@ -94,7 +94,7 @@ class History:
             row = ring[word]
             row &= ~(_ONE << place)
             row |= flags.astype(np.uint64) << place
-        for marks, so in (self.begun, begins), (self.over, begins and ended):
+        for marks, so in (self.begun, begins), (self.over, ended):
             marks[word] &= ~(_ONE << place)
             marks[word] |= np.uint64(so) << place
         self.tick += 1
