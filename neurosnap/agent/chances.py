@@ -375,10 +375,9 @@ def _arriving(
     shares, _ = _shares(table)
     chosen = (best[table.start] == table.action)[table.pair]
     start, after = table.start[table.pair[chosen]], table.after[chosen]
-    goes_on = np.where(met[start], 0.0, shares[chosen])
     chances = met.astype(np.float64)
     for _ in range(_SWEEPS):
-        led = np.bincount(start, goes_on * chances[after], len(met))
+        led = np.bincount(start, shares[chosen] * chances[after], len(met))
         better: Values = np.maximum(led, met)
         near = (better - chances).max() < _SHOWN
         chances = better
