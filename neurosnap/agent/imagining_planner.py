@@ -156,9 +156,10 @@ class ImaginingPlanner:
         not where the episode is over.
         """
         known = self._experience
-        if self._target:  # a plan may only try out what is unknown
-            return known.history.ticks > 0 and (plan is None or bool(plan.why))
-        due = known.history.tick > known.asked_until and not known.is_end(here, -1)
+        if self._target:
+            due = plan is None or bool(plan.why)  # that tries out what is unknown
+        else:
+            due = known.history.tick > known.asked_until and not known.is_end(here, -1)
         return due and known.history.ticks > 0 and bool(known.hopeless.any())
 
     def _by_chance(self, state: NDArray[np.bool_]) -> _Search:

@@ -49,7 +49,7 @@ def test_a_snapshot_takes_what_a_file_may_say(value: float) -> None:
 def test_each_declared_option_is_a_key_and_comes_back_flat() -> None:
     keys = {dotted(keys) for keys in known_keys(Config)}
     options = declared(RunOptions)
-    assert len(options) == 21
+    assert len(options) == 22
     assert {one.shown.at for one in options} <= keys
     described = Config(source=WorldTable(id="x"))
     settled = {one.field for one in options if one.shown.default or one.default is None}
