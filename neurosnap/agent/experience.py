@@ -295,17 +295,19 @@ class Experience:
         places = entry(arrays, "places", (steps, size), np.bool_)
         why = str(entry(arrays, "why", (), np.str_).item())
         until = entry(arrays, "until", (), np.int64).item()
-        count = rows_in(arrays, "values")
         self.asked_until = entry(arrays, "asked", (), np.int64).item()
-        if min(until, self.asked_until) < 0 or count not in (0, steps):
-            raise ValueError(f"until: must be 0 or more, got {until}")
-        values = entry(arrays, "values", (count,), np.float64)
+        for name, tick in ("until", until), ("asked", self.asked_until):
+            if tick < 0:
+                raise ValueError(f"{name}: must be 0 or more, got {tick}")
+        count = rows_in(arrays, "values")
+        values = entry(arrays, "values", (steps if count else 0,), np.float64)
         after = entry(arrays, "after", (count, WAYS), np.int64)
         shares = entry(arrays, "shares", (count, WAYS), np.float64)
         self.plan = None
         if count:
-            if (after >= count).any():
-                raise ValueError(f"after: must be below {count}, got {after.max()}")
+            if not (after.min() >= -1 and after.max() < count):
+                rule = f"must be in -1..{count - 1}"
+                raise ValueError(f"after: {rule}, got {after.min()} to {after.max()}")
             self.plan = ContingentPlan(
                 actions, places, why, values, until, after, shares
             )

@@ -1,6 +1,7 @@
 """The agent's memory of places: episode ends and tried actions."""
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
@@ -157,6 +158,11 @@ def test_a_plan_of_either_kind_is_stored_and_goes_on() -> None:
     said = "arrives with a chance of 50 %: stay, which led to no change (75 %), "
     assert again.plan.reason(state, NAMES) == f"{said}wall* (75 %)"
     assert again.plan.reason(gone, NAMES) == "arrives with a chance of 25 %: go"
+    for name, wrong in ("after", 2), ("after", -2), ("until", -1), ("asked", -1):
+        arrays = experience.arrays()
+        arrays[name] = np.full_like(arrays[name], wrong)
+        with pytest.raises(ValueError, match=rf"^{name}: must be "):
+            Experience(BODY).restore(arrays)
     experience.plan = Plan((1,), here[None], "to test what stay does there, ")
     other = Experience(BODY)
     other.restore(experience.arrays())
