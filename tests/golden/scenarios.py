@@ -149,6 +149,17 @@ def _world(name: str, options: RunOptions, **more: Any) -> Scenario:
     )
 
 
+def _and_lossy(
+    name: str, run: Callable[..., RunOptions], order: int
+) -> tuple[Scenario, Scenario]:
+    """Return a run inline, and the same in workers whose messages are lost at times."""
+    lossy = run(cells="worker", workers=2)
+    return (
+        _world(name, run(cells="inline")),
+        _world(f"{name}-lossy", lossy, like=name, order=order, loses=997),
+    )
+
+
 _DISCOUNTED = {"snapshot": "discounted", "threshold": 0.03, "decay": 0.9}
 _WATCHED = {"watch": True, "support": 3, "hold": 2}
 _SPREAD = {"cells": "worker", "workers": 3, "band": 4}
@@ -279,38 +290,10 @@ SCENARIOS = (
             target=("lit",),
         ),
     ),
-    _world("slipping", _slipping(cells="inline")),
-    _world(
-        "slipping-lossy",
-        _slipping(cells="worker", workers=2),
-        like="slipping",
-        order=8,
-        loses=997,
-    ),
-    _world("preferring", _preferring(cells="inline")),
-    _world(
-        "preferring-lossy",
-        _preferring(cells="worker", workers=2),
-        like="preferring",
-        order=11,
-        loses=997,
-    ),
-    _world("latching", _latching(cells="inline")),
-    _world(
-        "latching-lossy",
-        _latching(cells="worker", workers=2),
-        like="latching",
-        order=9,
-        loses=997,
-    ),
-    _world("mapping", _mapping(cells="inline")),
-    _world(
-        "mapping-lossy",
-        _mapping(cells="worker", workers=2),
-        like="mapping",
-        order=10,
-        loses=997,
-    ),
+    *_and_lossy("slipping", _slipping, order=8),
+    *_and_lossy("preferring", _preferring, order=11),
+    *_and_lossy("latching", _latching, order=9),
+    *_and_lossy("mapping", _mapping, order=10),
     _world(
         "growing-cut-off",
         lamp_options(LIMITED, ticks=60, cells="inline", threshold=0.05),
