@@ -9,17 +9,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.chances import (
-    DISCOUNT,
-    PATIENCE,
-    SURE,
-    Moves,
-    moves_in,
-    plan_by_chance,
-    telling,
-    told_before,
-)
+from neurosnap.agent.chances import DISCOUNT, PATIENCE, SURE, plan_by_chance
 from neurosnap.agent.clones import walk_in
+from neurosnap.agent.moves import Moves, moves_in, telling, told_before
 from neurosnap.agent.plan import ContingentPlan, Names
 from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.reading_history import History

@@ -1,0 +1,246 @@
+"""Counts what followed each action in past readings, from place to place.
+
+Of the ticks that are remembered, each at which one action was taken is a *move*, from
+the place that was read before it to the one after. A place is what the sensors read
+that tell one from another: not those that are coins.
+
+Nothing is stored for it: the readings are those that sensors are grown from, and are
+asked for each time. Where what was done a step before tells much of what follows,
+places look alike that are not.
+"""
+
+from collections.abc import Mapping, Sequence
+from statistics import NormalDist
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.body import Body
+from neurosnap.agent.clones import Walk, walk_in
+from neurosnap.poc.learning.history_questions import Question, Search
+from neurosnap.poc.learning.reading_history import History, in_order
+
+HIDDEN: Final = 0.1
+"""The share of what is left open that the move before may tell: beyond it places look
+alike that are not, and are not to be taken for one."""
+_ACCIDENT = 0.01  # the chance that any sensor seems to tell something, and does not
+
+Values: TypeAlias = NDArray[np.float64]
+
+
+class Moves(NamedTuple):
+    """What actions led to, as often as is remembered; ``m`` moves."""
+
+    before: NDArray[np.bool_]
+    """``(m, R)``: what was read before, of the sensors that make a place."""
+    action: NDArray[np.intp]
+    """``(m,)``."""
+    after: NDArray[np.bool_]
+    """``(m, R)``: what was read after it, of the same sensors."""
+    tick: NDArray[np.intp]
+    """``(m,)``, ascending: the tick after it, counted from the oldest remembered."""
+
+
+class Transitions(NamedTuple):
+    """What follows in each place by each action; ``e`` outcomes, in ascending order."""
+
+    start: NDArray[np.intp]
+    """``(p,)``: the place of each pair of a place and an action that was taken."""
+    action: NDArray[np.intp]
+    """``(p,)``: the action."""
+    gain: Values
+    """``(p,)``: what was read right after it was worth, on average."""
+    pair: NDArray[np.intp]
+    """``(e,)``: the pair of each outcome."""
+    after: NDArray[np.intp]
+    """``(e,)``: the place that it is."""
+    times: NDArray[np.intp]
+    """``(e,)``: in how many moves."""
+    share: Values
+    """``(e,)``: of the moves of its pair."""
+
+    @property
+    def begins(self) -> NDArray[np.intp]:
+        """``(p,)``: where the outcomes of each pair begin."""
+        return np.flatnonzero(np.diff(self.pair, prepend=-1))
+
+
+class CountedMoves(NamedTuple):
+    """What is remembered of moves; ``S`` places, of ``R`` sensors."""
+
+    sensors: NDArray[np.intp]
+    """``(R,)``: those that tell one place from another."""
+    places: NDArray[np.bool_]
+    """``(S, R)``: what each reads. The last stands for what is behind an end."""
+    met: NDArray[np.bool_]
+    """``(S,)``: where the target is met."""
+    table: Transitions
+    hides: bool
+    """Whether places look alike that are not; not asked for what is preferred."""
+
+    @property
+    def slips(self) -> bool:
+        """Whether any action led to different places from one."""
+        return len(self.table.pair) > len(self.table.start)
+
+
+def counted(
+    body: Body,
+    target: Sequence[int],
+    prefers: Mapping[int, float],
+    history: History,
+    doubted: NDArray[np.bool_],
+) -> Search[CountedMoves | None]:
+    """Ask for past readings, and count moves; None if there are none, or no places.
+
+    Args:
+        body: What is sensed and done; its actions are sensed.
+        target: Literals to be achieved jointly; their sensors are part of a place.
+        prefers: What each of some literals is worth: the gain of a move after it.
+        history: Of it only which ticks it holds, and where trajectories ended.
+        doubted: ``(n,)``: which of the world's own sensors may be coins; they are left
+            out unless they are `telling`.
+    """
+    sought = [a >> 1 for a in target]
+    makes_place = {*np.flatnonzero(body.position[::2]).tolist(), *body.carries, *sought}
+    numbers = sorted(makes_place | {a >> 1 for a in prefers})
+    sensors, first = np.array(numbers, np.intp), len(body.own)
+    taken = [2 * (first + action) for action in range(len(body.actions))]
+    asked = *taken, *(b for k in numbers for b in (2 * k, 2 * k + 1))
+    read = (yield Question(readings=tuple(dict.fromkeys(asked)))).readings
+    moves = moves_in(walk_in(read, sensors, taken, history.tick))
+    gains = np.zeros(len(moves.tick))
+    for literal, worth in prefers.items():
+        on = moves.after[:, numbers.index(literal >> 1)]
+        gains += worth * (on != bool(literal & 1))
+    kept = ~np.isin(sensors, np.setdiff1d(np.flatnonzero(doubted), sought))
+    if not kept.all():
+        kept |= telling(moves, len(taken))
+    kept &= np.isin(sensors, list(makes_place))  # what is only preferred makes none
+    sensors, before, after = sensors[kept], moves.before[:, kept], moves.after[:, kept]
+    if not before.size:
+        return None
+    places, number = _numbered(np.concatenate((before, after)))
+    pairs = number[: len(before)] * len(taken) + moves.action
+    led = number[len(before) :]
+    hides = not prefers and told_before(pairs, led, moves.tick) > HIDDEN
+    on, wanted = np.isin(2 * sensors, target), np.isin(sensors, sought)
+    met = bool(target) & (places == on)[:, wanted].all(axis=1)
+    # Where an episode ended may look like a place that goes on.
+    places, met = np.pad(places, ((0, 1), (0, 0))), np.append(met, False)
+    over = np.append(in_order([history.over], history.tick)[0], False)
+    led = np.where(over[moves.tick + 1] & ~met[led], len(met) - 1, led)
+    table = _transitions(pairs, led, gains, len(places), len(taken))
+    return CountedMoves(sensors, places, met, table, hides)
+
+
+def moves_in(walk: Walk) -> Moves:
+    """Return the moves among past readings.
+
+    Where a reading is unknown, or no action that is known led to it, there is none.
+    """
+    known = walk.known
+    moved = np.flatnonzero((walk.actions[1:] >= 0) & known[1:] & known[:-1])
+    after = moved + 1
+    return Moves(walk.on[moved], walk.actions[after], walk.on[after], after)
+
+
+def telling(moves: Moves, actions: int) -> NDArray[np.bool_]:
+    """Return which sensors tell what follows, or are told by what was before: ``(R,)``.
+
+    A coin does neither, and tells no place from another. Each pair of a sensor before
+    and one after is tested for independence, action by action, by Pearson's chi-square
+    with one degree of freedom; all of them seem independent with a chance of 0.99 where
+    they are. A sensor that tells something together with another only is missed.
+    """
+    size = moves.before.shape[1]
+    largest = np.zeros((size, size))
+    for action in range(actions):
+        mine = moves.action == action
+        before, after = (
+            each[mine].astype(np.float64) for each in (moves.before, moves.after)
+        )
+        count, x, y = len(before), before.sum(axis=0), after.sum(axis=0)
+        both = before.T @ after  # whole numbers: exact in any order
+        spread = np.outer(x * (count - x), y * (count - y))
+        excess = (count * both - np.outer(x, y)) ** 2 * count
+        square = np.divide(excess, spread, out=np.zeros_like(both), where=spread > 0)
+        largest = np.maximum(largest, square)
+    tests = max(1, actions * size * size)
+    limit = NormalDist().inv_cdf(1 - _ACCIDENT / tests / 2) ** 2
+    found: NDArray[np.bool_] = (
+        np.maximum(largest.max(axis=0), largest.max(axis=1)) > limit
+    )
+    return found
+
+
+def _numbered(
+    rows: NDArray[np.bool_],
+) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+    """Return the different ones of ``(m, R)`` rows, and for each row which it is."""
+    packed = np.packbits(rows, axis=1)
+    keys = np.ascontiguousarray(packed).view(f"V{packed.shape[1]}").ravel()
+    _, first, number = np.unique(keys, return_index=True, return_inverse=True)
+    return rows[first], number
+
+
+def _transitions(
+    pairs: NDArray[np.intp],
+    led: NDArray[np.intp],
+    gains: Values,
+    places: int,
+    actions: int,
+) -> Transitions:
+    """Return what follows, by the pair of each move, where it led, and its gain."""
+    outcomes, times = np.unique(pairs * places + led, return_counts=True)
+    of, after = np.divmod(outcomes, places)
+    _, pair = np.unique(of, return_inverse=True)
+    named, moved, count = np.unique(pairs, return_inverse=True, return_counts=True)
+    start, action = np.divmod(named, actions)
+    gain, share = np.bincount(moved, gains) / count, times / count[pair]
+    return Transitions(start, action, gain, pair, after, times, share)
+
+
+def told_before(
+    pairs: NDArray[np.intp], led: NDArray[np.intp], tick: NDArray[np.intp]
+) -> float:
+    """Return the share of what is left open that the move before tells.
+
+    About 0 where chance alone decides what a place and an action lead to, 1 where the
+    move before tells all of it.
+    It is Goodman and Kruskal's tau of the move before and the place that followed,
+    within each pair, less what it is expected to be by accident.
+
+    Args:
+        pairs: ``(m,)``, which place and action each move was from.
+        led: ``(m,)``, the place it led to.
+        tick: ``(m,)``, ascending, the tick after it.
+    """
+    then = np.flatnonzero(np.diff(tick, prepend=-1) == 1)
+    then = then[then > 0]
+    _, pair = np.unique(pairs[then], return_inverse=True)
+    many = 1 + int(max(pairs.max(), led.max()))
+    of, first, case, size = np.unique(
+        pairs[then - 1] * many + pairs[then],
+        return_index=True,
+        return_inverse=True,
+        return_counts=True,
+    )
+    if not len(of):
+        return 0.0
+
+    def purity(group: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return for each group the sum of the squares of how often each followed."""
+        cells, times = np.unique(group * many + led[then], return_counts=True)
+        sums: Values = np.zeros(int(group.max()) + 1)
+        np.add.at(sums, cells // many, times.astype(np.float64) ** 2)
+        return sums
+
+    whole = np.bincount(pair)[pair[first]].astype(np.float64)
+    alike = purity(pair)[pair[first]]
+    other = (whole - size) * (whole**2 - alike) / np.maximum(whole - 1, 1)
+    expected = float(((size * alike + other) / whole**2).sum())
+    found = float((purity(case) / size).sum())
+    left = len(then) - expected
+    return (found - expected) / left if left > 0 else 0.0
