@@ -95,9 +95,9 @@ def minigrid(
     """Return a maze of MiniGrid.
 
     Description:
-        A maze of cells, and mostly a goal; there may be doors before it, and keys. In
-        ``Unlock`` a door is to be opened, in ``KeyCorridorS3R1`` a ball to be taken,
-        for which the key must be dropped.
+        A maze of cells. In most there is a goal, in some behind a door that a key
+        opens. ``Unlock`` has a locked door to open, ``KeyCorridorS3R1`` a ball to pick
+        up: give it the action ``drop``, as one who carries the key can take no ball.
 
     Sensors:
         ``row<2``, ``row<3``, ...; ``column<2``, ...; ``facing=east``, ``=south``,
@@ -116,7 +116,8 @@ def minigrid(
         1 when it ends, 0 before.
 
     End:
-        At the goal, or when what is to be done is done.
+        At the goal; in ``Unlock`` with the door open, in ``KeyCorridorS3R1`` with the
+        ball.
 
     Info:
         There is none.
