@@ -36,7 +36,7 @@ DISCOUNT: Final = 0.99
 PATIENCE: Final = 0.999
 """The same of a target: the chance to arrive comes first, but of two ways that are
 nearly as sure the sooner is the better."""
-_NEAR = 1e-7  # values that differ by less are not improved any further
+_NEAR = 1e-7  # of the greatest gain: what differs by less is improved no further
 _SWEEPS = 2000  # at most
 _SHOWN = 1e-5  # a chance that a sweep adds less to is near enough to be shown
 
@@ -131,13 +131,13 @@ def values_of(
     worth: Values = np.zeros(len(table.start))
     starts, first = np.unique(table.start, return_index=True)
     place = np.searchsorted(starts, table.start)
-    outcomes = table.begins
+    outcomes, unit = table.begins, float(np.abs(table.gain).max()) or 1.0
     for _ in range(_SWEEPS):
         led = np.add.reduceat(table.share * values[table.after], outcomes)
         worth = table.gain + discount * led
         better = values.copy()
         better[starts] = np.maximum(np.maximum.reduceat(worth, first), least[starts])
-        near = np.abs(better - values).max() < _NEAR
+        near = np.abs(better - values).max() < _NEAR * unit
         values = better
         if near:
             break

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -295,6 +296,20 @@ def test_where_nothing_slips_one_try_is_enough() -> None:
     found, state = plan(history, goal, prefers={4: 1.0})
     assert found is not None
     assert found.step(state)[0] == 0  # which was never taken there
+
+
+def test_the_unit_of_what_is_preferred_does_not_matter() -> None:
+    history, here, there, goal = History(NAMES, 64), [1, 0, 0], [0, 1, 0], [0, 0, 1]
+    moves = (here, 0, here), (here, 1, there), (there, 0, goal), (goal, 0, goal)
+    for before, action, after in moves:
+        seen(history, before)
+        seen(history, after, action)
+    for unit in (1e-9, 1.0, 1e9):
+        found, state = plan(history, here, prefers={4: unit}, explores=False)
+        assert found is not None
+        assert found.step(state)[0] == 1
+        at = place_in(found, here)
+        assert found.values[at] / unit == pytest.approx(0.99 / 0.01, rel=1e-4)
 
 
 def test_what_the_move_before_tells_is_told_from_chance() -> None:
