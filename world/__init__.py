@@ -31,6 +31,7 @@ _WORLDS = {
     "neurosnap/CliffWalking-v0": "toy_text:cliff_walking",
     "neurosnap/Taxi-v0": "toy_text:taxi",
     "neurosnap/MiniGrid-v0": "minigrid:minigrid",
+    "neurosnap/Sokoban-v0": "sokoban:sokoban",
     "neurosnap/Robot-v0": "robot_world:RobotWorld",
 }
 

@@ -200,6 +200,11 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         retired = {self.first_grown + place for place in self.retired}
         return tuple(sensor for sensor in range(self.size) if sensor not in retired)
 
+    @property
+    def has_room(self) -> bool:
+        """Whether a further sensor can be grown: no number is given again."""
+        return len(self.grown) < self.room
+
     def read_for(self, sensor: int) -> tuple[int, ...]:
         """Return the world's own sensors that a window reads; another's own number."""
         place = sensor - self.first_grown

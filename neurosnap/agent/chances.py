@@ -7,7 +7,8 @@ step later is worth less, by `DISCOUNT` or `PATIENCE`.
 
 A place is known only by moves that are remembered, and an action that was not taken
 there has no chance. Where places look alike that are not, no plan is made to a target
-or to explore: it would go in circles.
+or to explore while a sensor can be grown that tells them apart: it would go in circles.
+Then it is the best there is, and *guesses*.
 
 References:
     Not the paper's, which leaves chance open. Counts taken for the truth are "certainty
@@ -36,6 +37,8 @@ DISCOUNT: Final = 0.99
 PATIENCE: Final = 0.999
 """The same of a target: the chance to arrive comes first, but of two ways that are
 nearly as sure the sooner is the better."""
+AGAIN: Final = 0.01
+"""What it is worth to do again what was done once, where all was done often enough."""
 _NEAR = 1e-7  # of the greatest gain: what differs by less is improved no further
 _SWEEPS = 2000  # at most
 _SHOWN = 1e-5  # a chance that a sweep adds less to is near enough to be shown
@@ -65,27 +68,32 @@ def plan_by_chance(
         explores: Whether one with preferences takes what was hardly tried for the best.
 
     Returns:
-        A plan; None if no moves are remembered, or places look alike, or nothing slips
-        that was to be explored. With preferences it may be of no use here; without
-        them, None is returned then, too.
+        A plan; None if no moves are remembered; or, while a sensor can be grown, if
+        places look alike, or nothing slips that was to be explored. With preferences it
+        may be of no use here; without them, None is returned then, too.
     """
     seen = yield from counted(body, target, prefers, history, doubted)
-    if seen is None or seen.hides or not (target or prefers or seen.slips):
+    if seen is None:
+        return None
+    if body.has_room and (seen.hides or not (target or prefers or seen.slips)):
         return None
     table, size = seen.table, len(seen.places)
     acted = np.zeros(size, np.bool_)
     acted[table.start] = True
-    tries, rarest = _hardly_known(seen, len(body.actions))
-    why, least = "explores", tries
+    again = not (target or prefers or body.has_room)
+    tries, rarest = _hardly_known(seen, len(body.actions), again)
+    why, least = "explores" if seen.slips else "tries", tries
     if target:
-        why, least = "arrives", seen.met.astype(np.float64)
+        why = "guesses" if seen.hides else "arrives"
+        least = seen.met.astype(np.float64)
     elif prefers:
         most = max(0.0, *prefers.values()) / (1 - DISCOUNT)
         hopeful = explores & (tries > 0)
         why, least = "prefers", np.where(acted, -np.inf, 0.0)
         least[hopeful] = most * tries[hopeful]
     values, best = values_of(table, least, PATIENCE if target else DISCOUNT)
-    best = np.where(values <= least, rarest, best)
+    trying = values <= least
+    best = np.where(trying, rarest, best)
     useful = acted & ~seen.met & ((values > 0) | bool(prefers))
     if target:
         values = _arriving(table, best, seen.met)
@@ -93,23 +101,30 @@ def plan_by_chance(
     literals[:-1, 2 * seen.sensors] = seen.places[:-1]
     literals[:-1, 2 * seen.sensors + 1] = ~seen.places[:-1]
     actions = np.where(useful, best, -1)
-    ticks = SURE if explores and not target else max(SURE, history.ticks // 4)
-    until, ways = history.tick + ticks, _ways(table, actions)
-    plan = ContingentPlan(actions, literals, why, values, until, *ways)
+    # What it learns on its way to a target may tell that it goes in circles.
+    ticks = max(SURE, history.ticks // 4) if prefers and not explores else SURE
+    until, (after, shares) = history.tick + ticks, _ways(table, actions)
+    if why == "tries":
+        after[trying], shares[trying] = -1, 0
+    plan = ContingentPlan(actions, literals, why, values, until, after, shares)
     return plan if prefers or plan.goes_on(here, history.tick) else None
 
 
-def _hardly_known(seen: CountedMoves, actions: int) -> tuple[Values, NDArray[np.intp]]:
+def _hardly_known(
+    seen: CountedMoves, actions: int, again: bool
+) -> tuple[Values, NDArray[np.intp]]:
     """Return what a try is worth in each place, and the rarest action there.
 
     ``(S,)`` each: 1 where some action was never taken, 0 where each was often enough,
     and where none was: there the episode is over. `SURE` times are enough; once is, if
-    nothing slips.
+    nothing slips. But if there is nothing else to do, what was taken least is worth
+    something `again`, so that it is remembered.
     """
     table, sure = seen.table, SURE if seen.slips else 1
     times = np.zeros((len(seen.places), actions), np.int64)
     times[table.start, table.action] = np.bincount(table.pair, table.times)
-    worth = np.maximum(1 - times.min(axis=1) / sure, 0.0)
+    least = times.min(axis=1)
+    worth = np.maximum(1 - least / sure, AGAIN / np.maximum(least, 1) if again else 0.0)
     return np.where(times.any(axis=1), worth, 0.0), times.argmin(axis=1)
 
 

@@ -14,6 +14,9 @@ to lead to the target, it takes the one with the greatest chance (`chances`); if
 is none, it goes on greedily, and does not end the episode. What is drawn at random is
 none of the actions that are known to end it, unless all do.
 
+Once no sensor can be grown, what is imagined wrong stays wrong. Then it asks first what
+followed in the past, and imagines where that tells nothing.
+
 One that is to prefer some sensations to others has no end to plan to: it always asks
 what followed in the past, and takes what promises most.
 
@@ -35,7 +38,13 @@ from neurosnap.agent.curiosity import Curiosity
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.plan import AnyPlan, ContingentPlan, ImaginedState, Names, Plan
 from neurosnap.agent.planner import Planner, target_literals, weighed_literals
-from neurosnap.agent.policy import Aim, Deliberation, Signal, checked_share
+from neurosnap.agent.policy import (
+    EXPLORE,
+    Aim,
+    Deliberation,
+    Signal,
+    checked_share,
+)
 from neurosnap.agent.random_draws import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.history_questions import Question
@@ -114,7 +123,7 @@ class ImaginingPlanner:
     def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
         """Follow the plan, or ask what actions lead to until there is one."""
         draws, known = self._random.at(tick), self._experience
-        if draws[1] < self._explore:
+        if draws[1] < self._share_at_random:
             if isinstance(known.plan, Plan):  # its next step is not taken
                 known.plan = None
             return (yield from self._at_random(state, draws[0], ", to explore"))
@@ -123,11 +132,7 @@ class ImaginingPlanner:
         here = state & self._looked_at
         place = here.tobytes()
         if known.plan is None or not known.plan.goes_on(state, known.history.tick):
-            known.plan = None
-            if place not in known.no_way:
-                known.plan = yield from self._search(here, draws[0])
-                if self._is_left_to_chance(here, known.plan):
-                    known.plan = (yield from self._by_chance(state)) or known.plan
+            known.plan = yield from self._plan(state, here, draws[0])
         if known.plan is not None:
             why = known.plan.reason(state, self._said)
             action, known.plan = known.plan.step(state)
@@ -136,6 +141,26 @@ class ImaginingPlanner:
             action, why = yield from self._greedy.decide(tick, state)
             return action, f"{known.no_way[place]}; {why}"
         return (yield from self._at_random(state, draws[0], ""))
+
+    @property
+    def _share_at_random(self) -> float:
+        """The share of random actions: some, where it might go in circles."""
+        plan = self._experience.plan
+        guesses = isinstance(plan, ContingentPlan) and plan.why == "guesses"
+        return max(self._explore, EXPLORE if guesses else 0.0)
+
+    def _plan(
+        self, state: NDArray[np.bool_], here: NDArray[np.bool_], draw: float
+    ) -> _Search:
+        """Imagine a way, or ask what followed in the past; None if neither tells."""
+        known, plan = self._experience, None
+        if not self._body.has_room and self._may_ask(here):
+            plan = yield from self._by_chance(state)
+        if plan is None and here.tobytes() not in known.no_way:
+            plan = yield from self._search(here, draw)
+            if self._body.has_room and self._is_left_to_chance(here, plan):
+                plan = (yield from self._by_chance(state)) or plan
+        return plan
 
     def _by_preference(self, state: NDArray[np.bool_], draw: float) -> Deliberation:
         """Take what promises most, where anything is known of what follows."""
@@ -150,17 +175,19 @@ class ImaginingPlanner:
         return (yield from self._at_random(state, draw, ": nothing was tried here"))
 
     def _is_left_to_chance(self, here: NDArray[np.bool_], plan: AnyPlan | None) -> bool:
-        """Tell whether to ask what chance leads to: no plan is sure to arrive.
-
-        One that only explores asks now and then, until it is told of such a plan, and
-        not where the episode is over.
-        """
+        """Tell whether to ask what chance leads to: no plan is sure to arrive."""
         known = self._experience
+        if not (known.hopeless.any() and known.history.ticks):
+            return False
         if self._target:
-            due = plan is None or bool(plan.why)  # that tries out what is unknown
-        else:
-            due = known.history.tick > known.asked_until and not known.is_end(here, -1)
-        return due and known.history.ticks > 0 and bool(known.hopeless.any())
+            return plan is None or bool(plan.why)  # that tries out what is unknown
+        return self._may_ask(here)
+
+    def _may_ask(self, here: NDArray[np.bool_]) -> bool:
+        """Tell whether the past may tell anything: now and then, until it did."""
+        known = self._experience
+        due = known.history.tick > known.asked_until and not known.is_end(here, -1)
+        return due and known.history.ticks > 0
 
     def _by_chance(self, state: NDArray[np.bool_]) -> _Search:
         """Return the plan that promises most where chance decides, if there is any."""

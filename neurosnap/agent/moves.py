@@ -6,7 +6,12 @@ that tell one from another: not those that are coins.
 
 Nothing is stored for it: the readings are those that sensors are grown from, and are
 asked for each time. Where what was done a step before tells much of what follows,
-places look alike that are not.
+places look alike that are not. What was sensed of that step is then part of a place, as
+far as it tells; where that is not enough, they *hide* something.
+
+References:
+    Not the paper's. To tell places apart by the step before only where that tells what
+    follows is McCallum's (1996) utile distinction.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,6 +29,9 @@ from neurosnap.poc.learning.reading_history import History, in_order
 HIDDEN: Final = 0.1
 """The share of what is left open that the move before may tell: beyond it places look
 alike that are not, and are not to be taken for one."""
+SELDOM: Final = 0.02
+"""The share of all moves that it may tell all the same: so few are taken for chance."""
+_MOST = 8  # sensors of the step before that tell places apart
 _ACCIDENT = 0.01  # the chance that any sensor seems to tell something, and does not
 
 Values: TypeAlias = NDArray[np.float64]
@@ -121,17 +129,30 @@ def counted(
     sensors, before, after = sensors[kept], moves.before[:, kept], moves.after[:, kept]
     if not before.size:
         return None
-    places, number = _numbered(np.concatenate((before, after)))
-    pairs = number[: len(before)] * len(taken) + moves.action
-    led = number[len(before) :]
-    hides = not prefers and told_before(pairs, led, moves.tick) > HIDDEN
+    many = len(taken)
+    places, pairs, led = _numbered(before, moves.action, after, many)
+    hides = not prefers and hidden(pairs, led, moves.tick)
+    if hides:
+        others = np.array(body.read[first:], np.intp)
+        rings = yield Question(readings=tuple((2 * others).tolist()))
+        read = rings.readings
+        then = in_order([read[2 * k] for k in others.tolist()], history.tick).T
+        for _ in range(_MOST):
+            best = told_by(pairs, led, then[moves.tick - 1])
+            if best is None or not hides:
+                break
+            sensors = np.append(sensors, others[best])
+            before = np.column_stack((before, then[moves.tick - 1, best]))
+            after = np.column_stack((after, then[moves.tick, best]))
+            places, pairs, led = _numbered(before, moves.action, after, many)
+            hides = hidden(pairs, led, moves.tick)
     on, wanted = np.isin(2 * sensors, target), np.isin(sensors, sought)
     met = bool(target) & (places == on)[:, wanted].all(axis=1)
     # Where an episode ended may look like a place that goes on.
     places, met = np.pad(places, ((0, 1), (0, 0))), np.append(met, False)
     over = np.append(in_order([history.over], history.tick)[0], False)
     led = np.where(over[moves.tick + 1] & ~met[led], len(met) - 1, led)
-    table = _transitions(pairs, led, gains, len(places), len(taken))
+    table = _transitions(pairs, led, gains, len(places), many)
     return CountedMoves(sensors, places, met, table, hides)
 
 
@@ -176,13 +197,23 @@ def telling(moves: Moves, actions: int) -> NDArray[np.bool_]:
 
 
 def _numbered(
-    rows: NDArray[np.bool_],
-) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
-    """Return the different ones of ``(m, R)`` rows, and for each row which it is."""
+    before: NDArray[np.bool_],
+    action: NDArray[np.intp],
+    after: NDArray[np.bool_],
+    actions: int,
+) -> tuple[NDArray[np.bool_], NDArray[np.intp], NDArray[np.intp]]:
+    """Return the places of moves, ``(S, R)``, and by their numbers what the moves are.
+
+    Returns:
+        The places; of each move ``(m,)`` its pair of a place and an action, and the
+        place it led to.
+    """
+    rows = np.concatenate((before, after))
     packed = np.packbits(rows, axis=1)
     keys = np.ascontiguousarray(packed).view(f"V{packed.shape[1]}").ravel()
     _, first, number = np.unique(keys, return_index=True, return_inverse=True)
-    return rows[first], number
+    start, led = np.split(number, 2)
+    return rows[first], start * actions + action, led
 
 
 def _transitions(
@@ -202,15 +233,24 @@ def _transitions(
     return Transitions(start, action, gain, pair, after, times, share)
 
 
+def hidden(
+    pairs: NDArray[np.intp], led: NDArray[np.intp], tick: NDArray[np.intp]
+) -> bool:
+    """Return whether places look alike that are not; see `told_before`."""
+    of_open, of_all = told_before(pairs, led, tick)
+    return of_open > HIDDEN and of_all > SELDOM
+
+
 def told_before(
     pairs: NDArray[np.intp], led: NDArray[np.intp], tick: NDArray[np.intp]
-) -> float:
-    """Return the share of what is left open that the move before tells.
+) -> tuple[float, float]:
+    """Return what the move before tells, as a share of what is left open, and of all.
 
-    About 0 where chance alone decides what a place and an action lead to, 1 where the
-    move before tells all of it.
-    It is Goodman and Kruskal's tau of the move before and the place that followed,
-    within each pair, less what it is expected to be by accident.
+    The first is about 0 where chance alone decides what a place and an action lead to,
+    1 where the move before tells all of it. The second is the share of all moves whose
+    outcome it tells, and nothing else does. The first is Goodman and Kruskal's tau of
+    the move before and the place that followed, within each pair, less what it is
+    expected to be by accident.
 
     Args:
         pairs: ``(m,)``, which place and action each move was from.
@@ -228,7 +268,7 @@ def told_before(
         return_counts=True,
     )
     if not len(of):
-        return 0.0
+        return 0.0, 0.0
 
     def purity(group: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return for each group the sum of the squares of how often each followed."""
@@ -242,5 +282,50 @@ def told_before(
     other = (whole - size) * (whole**2 - alike) / np.maximum(whole - 1, 1)
     expected = float(((size * alike + other) / whole**2).sum())
     found = float((purity(case) / size).sum())
-    left = len(then) - expected
-    return (found - expected) / left if left > 0 else 0.0
+    told, left = found - expected, len(then) - expected
+    return (told / left, told / len(then)) if left > 0 else (0.0, 0.0)
+
+
+def told_by(
+    pairs: NDArray[np.intp], led: NDArray[np.intp], readings: NDArray[np.bool_]
+) -> int | None:
+    """Return the sensor that tells most of what a place and an action leave open.
+
+    Args:
+        pairs: ``(m,)``, which place and action each move was from.
+        led: ``(m,)``, the place it led to.
+        readings: ``(m, C)``, what each sensor read before it.
+
+    Returns:
+        The first of those that tell most, by Goodman and Kruskal's tau, less what is
+        expected by accident; None if that is less than `HIDDEN` of what is open.
+    """
+    many = 1 + int(max(pairs.max(), led.max()))
+    cells, cell = np.unique(pairs * many + led, return_inverse=True)
+    _, of, outcomes = np.unique(cells // many, return_inverse=True, return_counts=True)
+    several = outcomes[of] > 1
+    moves = np.flatnonzero(several[cell])
+    if not moves.size:
+        return None
+    moves = moves[np.argsort(cell[moves], kind="stable")]
+    begins = np.flatnonzero(np.diff(cell[moves], prepend=-1))
+    first = np.flatnonzero(np.diff(of[several], prepend=-1))
+    whole = np.diff(begins, append=len(moves))[:, None].astype(np.float64)
+    on = np.add.reduceat(readings[moves], begins, axis=0, dtype=np.float64)
+
+    def parts(times: Values) -> tuple[Values, Values]:
+        """Return for each pair how many moves, and the sum of squares by outcome."""
+        return np.add.reduceat(times, first), np.add.reduceat(times**2, first)
+
+    size, alike = parts(whole)
+    found = np.zeros((len(first), readings.shape[1]))
+    parted = np.ones_like(found, np.bool_)
+    for part in on, whole - on:
+        of_part, squares = parts(part)
+        found += squares / np.maximum(of_part, 1)
+        parted &= of_part > 0
+    accident = (alike + (size**2 - alike) / np.maximum(size - 1, 1)) / size
+    gain = (found - np.where(parted, accident, alike / size)).sum(axis=0)
+    best = int(gain.argmax())
+    left = float((size - accident).sum())
+    return best if gain[best] > HIDDEN * left else None

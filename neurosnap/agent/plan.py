@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -83,14 +83,17 @@ class ContingentPlan:
     places: NDArray[np.bool_]
     """``(k, 2N)``: the literals that tell each place; none: an episode is over."""
     why: str
-    """``arrives`` at a target; ``explores`` what was hardly tried; or ``prefers``."""
+    """``arrives`` at a target, or ``guesses`` how, as places look alike; ``explores``
+    what was hardly tried, or ``tries`` what was seldom, where once is enough; or
+    ``prefers``."""
     values: NDArray[np.float64]
     """``(k,)``: the chance to arrive from each; or what it promises of the preferred,
     what comes later being worth less."""
     until: int
     """The tick after which so much is new that it is made anew."""
     after: NDArray[np.intp]
-    """``(k, WAYS)``: the places that the action led to most often; -1: no more."""
+    """``(k, WAYS)``: the places that the action led to most often; -1: no more. None
+    where it tries."""
     shares: NDArray[np.float64]
     """``(k, WAYS)``: of all times."""
 
@@ -99,8 +102,17 @@ class ContingentPlan:
         return tick <= self.until and self._at(place) >= 0
 
     def step(self, place: NDArray[np.bool_]) -> tuple[int, "ContingentPlan"]:
-        """Return the action in one of its places, and the plan behind it: the same."""
-        return int(self.actions[self._at(place)]), self
+        """Return the action in one of its places, and the plan behind it.
+
+        That is the same plan; but one that tries has no more of a place where it does.
+        """
+        at = self._at(place)
+        action = int(self.actions[at])
+        if self.why != "tries" or self.after[at, 0] >= 0:
+            return action, self
+        actions = self.actions.copy()
+        actions[at] = -1
+        return action, replace(self, actions=actions)
 
     def reason(self, place: NDArray[np.bool_], names: Names) -> str:
         """Return why its action is taken in one of its places, and what may follow."""
@@ -109,8 +121,12 @@ class ContingentPlan:
         match self.why:
             case "arrives":
                 promise = f"arrives with a chance of {100 * value:.0f} %"
+            case "guesses":
+                promise = "guesses, as places look alike that are not"
             case "prefers":
                 promise = f"expects {value:.3g} of what it prefers"
+            case "tries":
+                promise = "comes to what was seldom tried"
             case _:
                 promise = "comes to what was hardly tried"
         several = [

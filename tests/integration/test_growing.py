@@ -98,6 +98,15 @@ def test_neither_growth_nor_imagining_alone_is_enough() -> None:
         assert -1 in taken
 
 
+def test_where_nothing_more_can_be_grown_it_goes_by_what_followed_in_the_past() -> None:
+    agent = explored(LAKE, 1000, 0, grow=1)
+    assert not agent.body.has_room
+    whole, _, count = agent.whole(LAKE)
+    assert whole < count
+    taken, needed = journeys(agent, LAKE)
+    assert taken == needed
+
+
 @pytest.mark.parametrize("seed", rows([0], [1, 2]))
 def test_sensors_that_are_coins_cost_no_move_and_are_told_as_chance(seed: int) -> None:
     agent = explored(COINS, 2000, seed)

@@ -22,6 +22,7 @@ from neurosnap.sensorium import complete
 from neurosnap.sources.gymnasium_source import import_worlds
 from world.minigrid import ACTIONS, MazeStanding, standing
 
+_FATAL = "tile=hole", "box=stuck"
 _FALL = -100.0  # CliffWalking's reward for going over the cliff, and nobody else's
 
 
@@ -70,6 +71,9 @@ def settings() -> tuple[Setting, ...]:
         ),
         Setting(name="rail", world="neurosnap/Cycle-v0", steps=30_000, walk=True),
         Setting(name="lake, 3 coins", world=lake, steps=2000, coins=3),
+        Setting(
+            name="sokoban", world="neurosnap/Sokoban-v0", steps=20_000, to_goal=True
+        ),
         *(
             Setting(name=name, world=world, arguments=where, steps=steps, room=120)
             for name, world, where, steps in (
@@ -279,11 +283,7 @@ def _of_table(env: gymnasium.Env[Any, Any]) -> Stage:
     fields = np.array([[sensor(one) for one in seen] for sensor in sensors])
     names = env.get_wrapper_attr("sensors")
     over = np.array([ends for _, ends in places])
-    fatal = (
-        fields[names.index("tile=hole")]
-        if "tile=hole" in names
-        else np.zeros_like(over)
-    )
+    fatal = np.any(fields[[name in _FATAL for name in names]], axis=0)
     return Stage(
         sensors=names,
         actions=env.get_wrapper_attr("actions"),

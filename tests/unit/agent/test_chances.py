@@ -1,7 +1,7 @@
 """Plans where chance decides, held against tables that are counted and solved apart."""
 
 from collections.abc import Mapping, Sequence
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body
 from neurosnap.agent.chances import DISCOUNT, PATIENCE, SURE, plan_by_chance
 from neurosnap.agent.clones import walk_in
-from neurosnap.agent.moves import Moves, moves_in, telling, told_before
+from neurosnap.agent.growth_in_decisions import Context
+from neurosnap.agent.moves import (
+    HIDDEN,
+    Moves,
+    hidden,
+    moves_in,
+    telling,
+    told_before,
+    told_by,
+)
 from neurosnap.agent.plan import ContingentPlan, Names
 from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.reading_history import History
@@ -20,6 +29,7 @@ from neurosnap.sensorium import Sensorium, complete
 
 WALK = Body.full(["here", "there", "goal"], ["left", "right"], room=1)
 NAMES = len(WALK.sensors)
+FULL = WALK.grow(Context(0, (0, 3)))  # it has no room for more
 
 
 def seen(
@@ -46,12 +56,13 @@ def plan(
     doubted: Sequence[int] = (),
     prefers: Mapping[int, float] | None = None,
     explores: bool = True,
+    body: Body = WALK,
 ) -> tuple[ContingentPlan | None, NDArray[np.bool_]]:
     state = np.zeros(2 * NAMES, np.bool_)
     state[: 2 * len(own)] = complete(np.array(own, np.bool_))
     coins = np.isin(np.arange(len(own)), doubted)
     told = history, state, coins, explores
-    asking = plan_by_chance(WALK, target, prefers or {}, *told)
+    asking = plan_by_chance(body, target, prefers or {}, *told)
     return answered(asking, history.answer), state
 
 
@@ -317,13 +328,71 @@ def test_what_the_move_before_tells_is_told_from_chance() -> None:
     ticks = np.arange(size)
     coin = rng.integers(2, size=size)
     pairs = rng.integers(3, size=size)
-    assert abs(told_before(pairs, coin, ticks)) < 0.03
+    assert abs(told_before(pairs, coin, ticks)[0]) < 0.03
     told = np.roll(pairs, 1) % 2  # the move before tells all
-    assert told_before(pairs, told, ticks) == 1
+    of_open, of_all = told_before(pairs, told, ticks)
+    assert of_open == 1
+    assert of_all == pytest.approx(4 / 9, abs=0.02)  # of 1/3 and 2/3
     half = np.where(rng.random(size) < 0.5, coin, told)
-    assert 0.15 < told_before(pairs, half, ticks) < 0.35
-    assert told_before(pairs, told, 2 * ticks) == 0  # none comes right after another
-    assert told_before(pairs, pairs, ticks) == 0  # nothing is left open
+    assert 0.15 < told_before(pairs, half, ticks)[0] < 0.35
+    for after in 2 * ticks, ticks:  # none comes right after another; all is known
+        led = told if after[1] == 2 else pairs
+        assert told_before(pairs, led, after) == (0, 0)
+
+
+def test_what_hardly_ever_matters_hides_nothing() -> None:
+    ticks = np.arange(3000)
+    for every, hides in (100, False), (10, True):
+        pairs = np.random.default_rng(1).integers(2, size=len(ticks))
+        open_ = ticks % every == 0  # where only the move before tells
+        led = np.where(open_, np.roll(pairs, 1), pairs)
+        pairs[open_] = 2
+        of_open, of_all = told_before(pairs, led, ticks)
+        assert of_open == pytest.approx(1)
+        assert of_all == pytest.approx(0.5 / every, rel=0.2)
+        assert hidden(pairs, led, ticks) == hides
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2), st.integers(0, 2), st.integers(0, 7)),
+        min_size=1,
+        max_size=14,
+    )
+)
+def test_the_sensor_that_tells_most_is_the_one_of_all(
+    moved: list[tuple[int, int, int]],
+) -> None:
+    """Held against all ways to choose as many moves as a sensor was on at."""
+    pairs, led, codes = np.array(moved).T
+
+    def purity(mine: NDArray[np.intp]) -> float:
+        counts = np.bincount(led[mine])
+        return float((counts**2).sum() / len(mine)) if len(mine) else 0.0
+
+    def parted(whole: NDArray[np.intp], on: NDArray[np.intp]) -> float:
+        return purity(on) + purity(np.setdiff1d(whole, on))
+
+    gains, left = np.zeros(3), 0.0
+    for pair in set(pairs.tolist()):
+        whole = np.flatnonzero(pairs == pair)
+        if len(set(led[whole].tolist())) == 1:
+            continue
+        for sensor in range(3):
+            on = whole[codes[whole] >> sensor & 1 == 1]
+            ways = combinations(whole.tolist(), len(on))
+            by_accident = np.mean([parted(whole, np.array(w, np.intp)) for w in ways])
+            gains[sensor] += parted(whole, on) - by_accident
+        one = [parted(whole, whole[[k]]) for k in range(len(whole))]
+        left += len(whole) - float(np.mean(one))
+    readings = codes[:, None] >> np.arange(3) & 1 == 1
+    found = told_by(pairs, led, readings)
+    enough = gains.max() - HIDDEN * left
+    if found is not None:
+        assert gains[found] == pytest.approx(gains.max())
+        assert enough > -1e-9
+    elif left:
+        assert enough < 1e-9
 
 
 def test_where_places_look_alike_no_plan_takes_them_for_one() -> None:
@@ -335,3 +404,77 @@ def test_where_places_look_alike_no_plan_takes_them_for_one() -> None:
         seen(history, dark, 0)
         seen(history, goal, 0)
     assert plan(history, dark, 4)[0] is None
+    found, _ = plan(history, dark, 4, body=FULL)
+    assert found is not None  # there is nothing better
+    assert (found.why, found.until) == ("guesses", history.tick + SURE)
+    names = Names(WALK.actions, Sensorium(WALK.sensors))
+    state = complete(np.zeros(NAMES, np.bool_))
+    says = "guesses, as places look alike that are not: left, which led to no change"
+    assert found.reason(state, names) == f"{says} (50 %), goal (50 %)"
+
+
+def test_what_was_sensed_a_step_before_is_part_of_a_place_as_far_as_it_tells() -> None:
+    history, rng = History(NAMES, 1024), np.random.default_rng(0)
+    here, dark, goal = [1, 0, 0], [0, 0, 0], [0, 0, 1]
+    table = {"here": (here, ("dark", "here")), "dark": (dark, ("darker", "here"))}
+    table |= {"darker": (dark, ("here", "goal")), "goal": (goal, ("here", "here"))}
+    contexts = np.array(WALK.context)
+
+    def sensed(own: list[int], action: int, before: list[int]) -> NDArray[np.bool_]:
+        literals = complete(np.array(before, np.bool_))
+        acted = np.arange(2) == action
+        single = (contexts[:, 0] == action) & literals[contexts[:, 1]]
+        return np.concatenate((np.array(own, np.bool_), acted, single, [False]))
+
+    at = "here"
+    states = {at: sensed(here, -1, here)}
+    history.record(states[at], None, True, False)
+    for _ in range(400):
+        action, before = int(rng.integers(2)), table[at][0]
+        at = table[at][1][action]
+        states[at] = sensed(table[at][0], action, before)
+        history.record(states[at], None, False, False)
+    for explores in (True, False):
+        asking = plan_by_chance(
+            WALK,
+            [4],
+            {},
+            history,
+            complete(states["dark"]),
+            np.zeros(3, np.bool_),
+            explores,
+        )
+        found = answered(asking, history.answer)
+        assert found is not None
+        ways = [found.step(complete(states[at]))[0] for at in table if at != "goal"]
+        assert ways == [0, 0, 1]
+        assert found.values[found.actions >= 0] == pytest.approx(1)
+
+
+def test_where_nothing_can_be_grown_what_was_not_tried_is_gone_for() -> None:
+    history, here, there = History(NAMES, 256), [1, 0, 0], [0, 1, 0]
+    for before, action, after in ((here, 0, here), (here, 1, there), (there, 0, here)):
+        seen(history, before)
+        seen(history, after, action)
+    assert plan(history, here)[0] is None
+    names = Names(FULL.actions, Sensorium(FULL.sensors))
+    for _ in range(2):
+        found, state = plan(history, here, body=FULL)
+        assert found is not None
+        action, rest = found.step(state)
+        assert action == 1  # to where something was never done, or once only
+        assert rest is found
+        _, state = plan(history, there)
+        assert found.reason(state, names) == "comes to what was seldom tried: right"
+        action, rest = found.step(state)
+        assert action == 1
+        assert not rest.goes_on(state, history.tick)  # once is enough
+        assert found.step(state)[0] == 1  # as the plan is what it was
+        seen(history, there)
+        seen(history, there, 1)
+        for before, action, after in ((here, 0, here), (here, 1, there)):
+            seen(history, before)
+            seen(history, after, action)
+        for _ in range(8):
+            seen(history, there)
+            seen(history, here, 0)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.imagining_planner import ImaginingPlanner
+from neurosnap.agent.plan import ContingentPlan
 from neurosnap.agent.policy import Signal
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.history_questions import Question, answered
@@ -258,6 +259,23 @@ def test_a_share_of_actions_is_random() -> None:
             random += 1
             assert walk.experience.plan is None  # it may have led anywhere
     assert 60 < random < 140
+
+
+@pytest.mark.parametrize(("why", "some"), [("guesses", True), ("arrives", False)])
+def test_one_that_guesses_may_go_in_circles_and_does_a_share_at_random(
+    why: str, some: bool
+) -> None:
+    walk, random = Walk(5), 0
+    forward = np.zeros(1, np.intp)
+    ways = forward[:, None] - 1, np.zeros((1, 1))
+    literals = np.zeros((1, 2 * len(BODY.sensors)), np.bool_)
+    plan = ContingentPlan(forward, literals, why, np.ones(1), 10**6, *ways)
+    for tick in range(300):
+        walk.experience.plan = plan
+        random += walk.decide(2, tick + 1)[1].startswith("at random")
+        assert walk.experience.plan is plan
+    assert (0.1 < random / 300 < 0.3) == some
+    assert (random == 0) != some
 
 
 @pytest.mark.parametrize(
