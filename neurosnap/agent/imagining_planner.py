@@ -198,10 +198,10 @@ class ImaginingPlanner:
         plan = yield from plan_by_chance(
             self._body, *aim, known.history, state, doubted, self._curious
         )
-        if plan is None:
-            known.asked_until = known.history.tick + SURE
-        else:
+        if plan is not None:
             known.no_way.pop((state & self._looked_at).tobytes(), None)
+        elif not self._target:  # else the next place may be one that is known
+            known.asked_until = known.history.tick + SURE
         return plan
 
     def _lacks(self, reachable: NDArray[np.bool_], whole: bool) -> str:

@@ -138,8 +138,8 @@ def counted(
         read = rings.readings
         then = in_order([read[2 * k] for k in others.tolist()], history.tick).T
         for _ in range(_MOST):
-            best = told_by(pairs, led, then[moves.tick - 1])
-            if best is None or not hides:
+            best = told_by(pairs, led, then[moves.tick - 1]) if hides else None
+            if best is None:
                 break
             sensors = np.append(sensors, others[best])
             before = np.column_stack((before, then[moves.tick - 1, best]))

@@ -5,7 +5,7 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -15,6 +15,7 @@ from neurosnap.agent.clones import walk_in
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.agent.moves import (
     HIDDEN,
+    SELDOM,
     Moves,
     hidden,
     moves_in,
@@ -296,15 +297,16 @@ def test_where_nothing_slips_nothing_is_explored_by_chance() -> None:
     assert plan(history, [1, 0, 0])[0] is None
 
 
-def test_where_nothing_slips_one_try_is_enough() -> None:
+@pytest.mark.parametrize("body", [WALK, FULL])
+def test_where_nothing_slips_one_try_is_enough(body: Body) -> None:
     history, here, goal = History(NAMES, 64), [1, 0, 0], [0, 0, 1]
     for before, action, after in ((here, 0, here), (here, 1, goal), (goal, 1, here)):
         seen(history, before)
         seen(history, after, action)
-    found, state = plan(history, here, prefers={4: 1.0})
+    found, state = plan(history, here, prefers={4: 1.0}, body=body)
     assert found is not None
     assert found.step(state)[0] == 1
-    found, state = plan(history, goal, prefers={4: 1.0})
+    found, state = plan(history, goal, prefers={4: 1.0}, body=body)
     assert found is not None
     assert found.step(state)[0] == 0  # which was never taken there
 
@@ -353,6 +355,26 @@ def test_what_hardly_ever_matters_hides_nothing() -> None:
         assert hidden(pairs, led, ticks) == hides
 
 
+def test_what_is_mostly_left_to_chance_is_not_hidden() -> None:
+    rng, ticks = np.random.default_rng(2), np.arange(3000)
+    pairs, coin = rng.integers(3, size=3000), rng.integers(2, size=3000)
+    led = np.where(rng.random(3000) < 0.26, np.roll(pairs, 1) % 2, coin)
+    of_open, of_all = told_before(pairs, led, ticks)
+    assert of_all > SELDOM
+    assert of_open < HIDDEN
+    assert not hidden(pairs, led, ticks)
+
+
+@example(  # what one sensor reads always after one pair tells nothing of it
+    list(
+        zip(
+            [0, 0, 1, 1, 0, 0, 0, 1],
+            [0, 1, 0, 0, 0, 1, 1, 1],
+            [3, 0, 2, 3, 3, 1, 2, 2],
+            strict=True,
+        )
+    )
+)
 @given(
     st.lists(
         st.tuples(st.integers(0, 2), st.integers(0, 2), st.integers(0, 7)),
@@ -395,7 +417,8 @@ def test_the_sensor_that_tells_most_is_the_one_of_all(
         assert enough < 1e-9
 
 
-def test_where_places_look_alike_no_plan_takes_them_for_one() -> None:
+@pytest.mark.parametrize("explores", [True, False])
+def test_where_places_look_alike_no_plan_takes_them_for_one(explores: bool) -> None:
     history = History(NAMES, 1024)
     dark, goal = [0, 0, 0], [0, 0, 1]
     for _ in range(60):  # the second dark place leads on, the first does not
@@ -404,7 +427,7 @@ def test_where_places_look_alike_no_plan_takes_them_for_one() -> None:
         seen(history, dark, 0)
         seen(history, goal, 0)
     assert plan(history, dark, 4)[0] is None
-    found, _ = plan(history, dark, 4, body=FULL)
+    found, _ = plan(history, dark, 4, explores=explores, body=FULL)
     assert found is not None  # there is nothing better
     assert (found.why, found.until) == ("guesses", history.tick + SURE)
     names = Names(WALK.actions, Sensorium(WALK.sensors))
