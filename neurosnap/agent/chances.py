@@ -39,6 +39,8 @@ PATIENCE: Final = 0.999
 nearly as sure the sooner is the better."""
 AGAIN: Final = 0.01
 """What it is worth to do again what was done once, where all was done often enough."""
+HOPE: Final = 1e-4
+"""The chance that what was never tried leads to a target, where no way is known."""
 _NEAR = 1e-7  # of the greatest gain: what differs by less is improved no further
 _SWEEPS = 2000  # at most
 _SHOWN = 1e-5  # a chance that a sweep adds less to is near enough to be shown
@@ -86,6 +88,8 @@ def plan_by_chance(
     if target:
         why = "guesses" if seen.hides else "arrives"
         least = seen.met.astype(np.float64)
+        if not body.has_room:
+            least = np.maximum(least, HOPE * tries)
     elif prefers:
         most = max(0.0, *prefers.values()) / (1 - DISCOUNT)
         hopeful = explores & (tries > 0)

@@ -111,7 +111,9 @@ def counted(
             out unless they are `telling`.
     """
     sought = [a >> 1 for a in target]
-    makes_place = {*np.flatnonzero(body.position[::2]).tolist(), *body.carries, *sought}
+    # What is carried may be unknown for long, and then no move would be known.
+    carried = body.carries if body.has_room else ()
+    makes_place = {*np.flatnonzero(body.position[::2]).tolist(), *carried, *sought}
     numbers = sorted(makes_place | {a >> 1 for a in prefers})
     sensors, first = np.array(numbers, np.intp), len(body.own)
     taken = [2 * (first + action) for action in range(len(body.actions))]
@@ -133,7 +135,7 @@ def counted(
     places, pairs, led = _numbered(before, moves.action, after, many)
     hides = not prefers and hidden(pairs, led, moves.tick)
     if hides:
-        others = np.array(body.read[first:], np.intp)
+        others = np.setdiff1d(body.read[first:], body.carries)
         rings = yield Question(readings=tuple((2 * others).tolist()))
         read = rings.readings
         then = in_order([read[2 * k] for k in others.tolist()], history.tick).T

@@ -119,6 +119,8 @@ class ContingentPlan:
         at = self._at(place)
         value, action = self.values[at], names.actions[self.actions[at]]
         match self.why:
+            case "arrives" | "guesses" if not value:
+                promise = "knows no way, and comes to what was hardly tried"
             case "arrives":
                 promise = f"arrives with a chance of {100 * value:.0f} %"
             case "guesses":

@@ -474,6 +474,26 @@ def test_what_was_sensed_a_step_before_is_part_of_a_place_as_far_as_it_tells() -
         assert found.values[found.actions >= 0] == pytest.approx(1)
 
 
+def test_where_no_way_is_known_and_nothing_can_be_grown_it_tries() -> None:
+    history, here, there = History(NAMES, 256), [1, 0, 0], [0, 1, 0]
+    for before, action, after in ((here, 0, here), (here, 1, there), (there, 0, here)):
+        seen(history, before)
+        seen(history, after, action)
+    assert plan(history, here, 4)[0] is None  # nobody was at the goal
+    names = Names(FULL.actions, Sensorium(FULL.sensors))
+    found, state = plan(history, here, 4, body=FULL)
+    assert found is not None
+    assert found.step(state)[0] == 1  # to where something was never done
+    says = "knows no way, and comes to what was hardly tried: right"
+    assert found.reason(state, names) == says
+    seen(history, here)
+    seen(history, [0, 0, 1], 0)  # a way that leads there half the time
+    found, state = plan(history, here, 4, body=FULL)
+    assert found is not None
+    assert found.step(state)[0] == 0
+    assert found.reason(state, names).startswith("arrives with a chance of ")
+
+
 def test_where_nothing_can_be_grown_what_was_not_tried_is_gone_for() -> None:
     history, here, there = History(NAMES, 256), [1, 0, 0], [0, 1, 0]
     for before, action, after in ((here, 0, here), (here, 1, there), (there, 0, here)):
