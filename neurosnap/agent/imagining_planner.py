@@ -184,7 +184,10 @@ class ImaginingPlanner:
         return self._may_ask(here)
 
     def _may_ask(self, here: NDArray[np.bool_]) -> bool:
-        """Tell whether the past may tell anything: now and then, until it did."""
+        """Tell whether to ask what followed in the past.
+
+        Not where the episode is over, and while it told nothing only now and then.
+        """
         known = self._experience
         due = known.history.tick > known.asked_until and not known.is_end(here, -1)
         return due and known.history.ticks > 0

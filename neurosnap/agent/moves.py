@@ -128,26 +128,16 @@ def counted(
     if not kept.all():
         kept |= telling(moves, len(taken))
     kept &= np.isin(sensors, list(makes_place))  # what is only preferred makes none
-    sensors, before, after = sensors[kept], moves.before[:, kept], moves.after[:, kept]
-    if not before.size:
+    moves = moves._replace(before=moves.before[:, kept], after=moves.after[:, kept])
+    if not moves.before.size:
         return None
-    many = len(taken)
-    places, pairs, led = _numbered(before, moves.action, after, many)
+    sensors, many = sensors[kept], len(taken)
+    places, pairs, led = _numbered(moves, many)
     hides = not prefers and hidden(pairs, led, moves.tick)
     if hides:
-        others = np.setdiff1d(body.read[first:], body.carries)
-        rings = yield Question(readings=tuple((2 * others).tolist()))
-        read = rings.readings
-        then = in_order([read[2 * k] for k in others.tolist()], history.tick).T
-        for _ in range(_MOST):
-            best = told_by(pairs, led, then[moves.tick - 1]) if hides else None
-            if best is None:
-                break
-            sensors = np.append(sensors, others[best])
-            before = np.column_stack((before, then[moves.tick - 1, best]))
-            after = np.column_stack((after, then[moves.tick, best]))
-            places, pairs, led = _numbered(before, moves.action, after, many)
-            hides = hidden(pairs, led, moves.tick)
+        sensors, moves = yield from _told_apart(body, history, sensors, moves)
+        places, pairs, led = _numbered(moves, many)
+        hides = hidden(pairs, led, moves.tick)
     on, wanted = np.isin(2 * sensors, target), np.isin(sensors, sought)
     met = bool(target) & (places == on)[:, wanted].all(axis=1)
     # Where an episode ended may look like a place that goes on.
@@ -156,6 +146,34 @@ def counted(
     led = np.where(over[moves.tick + 1] & ~met[led], len(met) - 1, led)
     table = _transitions(pairs, led, gains, len(places), many)
     return CountedMoves(sensors, places, met, table, hides)
+
+
+def _told_apart(
+    body: Body,
+    history: History,
+    sensors: NDArray[np.intp],
+    moves: Moves,
+) -> Search[tuple[NDArray[np.intp], Moves]]:
+    """Add what was sensed of the step before to moves, as far as it tells places apart.
+
+    Of the step before tell the contexts and the actions; not what is carried.
+    """
+    others = np.setdiff1d(body.read[len(body.own) :], body.carries).tolist()
+    asked = Question(readings=tuple(2 * k for k in others))
+    read = (yield asked).readings
+    then = in_order([read[2 * k] for k in others], history.tick).T
+    for _ in range(_MOST):
+        _, pairs, led = _numbered(moves, len(body.actions))
+        alike = hidden(pairs, led, moves.tick)
+        best = told_by(pairs, led, then[moves.tick - 1]) if alike else None
+        if best is None:
+            break
+        sensors = np.append(sensors, others[best])
+        moves = moves._replace(
+            before=np.column_stack((moves.before, then[moves.tick - 1, best])),
+            after=np.column_stack((moves.after, then[moves.tick, best])),
+        )
+    return sensors, moves
 
 
 def moves_in(walk: Walk) -> Moves:
@@ -199,10 +217,7 @@ def telling(moves: Moves, actions: int) -> NDArray[np.bool_]:
 
 
 def _numbered(
-    before: NDArray[np.bool_],
-    action: NDArray[np.intp],
-    after: NDArray[np.bool_],
-    actions: int,
+    moves: Moves, actions: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.intp], NDArray[np.intp]]:
     """Return the places of moves, ``(S, R)``, and by their numbers what the moves are.
 
@@ -210,12 +225,12 @@ def _numbered(
         The places; of each move ``(m,)`` its pair of a place and an action, and the
         place it led to.
     """
-    rows = np.concatenate((before, after))
+    rows = np.concatenate((moves.before, moves.after))
     packed = np.packbits(rows, axis=1)
     keys = np.ascontiguousarray(packed).view(f"V{packed.shape[1]}").ravel()
     _, first, number = np.unique(keys, return_index=True, return_inverse=True)
     start, led = np.split(number, 2)
-    return rows[first], start * actions + action, led
+    return rows[first], start * actions + moves.action, led
 
 
 def _transitions(

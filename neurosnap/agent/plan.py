@@ -92,8 +92,8 @@ class ContingentPlan:
     until: int
     """The tick after which so much is new that it is made anew."""
     after: NDArray[np.intp]
-    """``(k, WAYS)``: the places that the action led to most often; -1: no more. None
-    where it tries."""
+    """``(k, WAYS)``: the places that the action led to most often; -1: no more. One
+    that ``tries`` has none where it does."""
     shares: NDArray[np.float64]
     """``(k, WAYS)``: of all times."""
 
@@ -124,7 +124,7 @@ class ContingentPlan:
             case "arrives":
                 promise = f"arrives with a chance of {100 * value:.0f} %"
             case "guesses":
-                promise = "guesses, as places look alike that are not"
+                promise = "cannot tell some places apart, and guesses"
             case "prefers":
                 promise = f"expects {value:.3g} of what it prefers"
             case "tries":

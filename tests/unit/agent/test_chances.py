@@ -337,9 +337,9 @@ def test_what_the_move_before_tells_is_told_from_chance() -> None:
     assert of_all == pytest.approx(4 / 9, abs=0.02)  # of 1/3 and 2/3
     half = np.where(rng.random(size) < 0.5, coin, told)
     assert 0.15 < told_before(pairs, half, ticks)[0] < 0.35
-    for after in 2 * ticks, ticks:  # none comes right after another; all is known
-        led = told if after[1] == 2 else pairs
-        assert told_before(pairs, led, after) == (0, 0)
+    # None comes right after another; or nothing is left open.
+    assert told_before(pairs, told, 2 * ticks) == (0, 0)
+    assert told_before(pairs, pairs, ticks) == (0, 0)
 
 
 def test_what_hardly_ever_matters_hides_nothing() -> None:
@@ -432,7 +432,7 @@ def test_where_places_look_alike_no_plan_takes_them_for_one(explores: bool) -> N
     assert (found.why, found.until) == ("guesses", history.tick + SURE)
     names = Names(WALK.actions, Sensorium(WALK.sensors))
     state = complete(np.zeros(NAMES, np.bool_))
-    says = "guesses, as places look alike that are not: left, which led to no change"
+    says = "cannot tell some places apart, and guesses: left, which led to no change"
     assert found.reason(state, names) == f"{says} (50 %), goal (50 %)"
 
 
@@ -469,7 +469,8 @@ def test_what_was_sensed_a_step_before_is_part_of_a_place_as_far_as_it_tells() -
         )
         found = answered(asking, history.answer)
         assert found is not None
-        ways = [found.step(complete(states[at]))[0] for at in table if at != "goal"]
+        places = "here", "dark", "darker"
+        ways = [found.step(complete(states[place]))[0] for place in places]
         assert ways == [0, 0, 1]
         assert found.values[found.actions >= 0] == pytest.approx(1)
 
