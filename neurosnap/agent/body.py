@@ -202,8 +202,11 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     @property
     def has_room(self) -> bool:
-        """Whether a further sensor can be grown: no number is given again."""
-        return len(self.grown) < self.room
+        """Whether a further context can be grown: no number is given again.
+
+        Of a large room one place of forty is kept for latches.
+        """
+        return len(self.grown) < self.room - self.room // 40
 
     def read_for(self, sensor: int) -> tuple[int, ...]:
         """Return the world's own sensors that a window reads; another's own number."""

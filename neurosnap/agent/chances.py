@@ -102,8 +102,9 @@ def plan_by_chance(
     if target:
         values = _arriving(table, best, seen.met)
     literals = np.zeros((size, len(here)), np.bool_)
-    literals[:-1, 2 * seen.sensors] = seen.places[:-1]
-    literals[:-1, 2 * seen.sensors + 1] = ~seen.places[:-1]
+    # In this order, as of a latch both are among them, and may be unknown.
+    literals[:-1, seen.literals ^ 1] = ~seen.places[:-1]
+    literals[:-1, seen.literals] = seen.places[:-1]
     actions = np.where(useful, best, -1)
     # What it learns on its way to a target may tell that it goes in circles.
     ticks = max(SURE, history.ticks // 4) if prefers and not explores else SURE

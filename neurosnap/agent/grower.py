@@ -172,7 +172,7 @@ class Grower:
     def fit(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
         self._grown = set(body.in_use)
-        self._births = len(body.grown)
+        self._births, self._has_room = len(body.grown), body.has_room
         if len(body.maps) > self._maps:  # what nothing explained, it does
             self._counts[:] = 0
             self._judge()
@@ -370,7 +370,7 @@ class Grower:
             if self._births < self._room:
                 return self._latch
             self._latch = None
-        while self._ready and self._births < self._room:
+        while self._ready and self._has_room:
             due = self._ready.pop(0)
             self._failed[due.action, due.result] = 0
             self._wait[due.action, due.result] = 0

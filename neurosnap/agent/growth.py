@@ -199,7 +199,8 @@ class Growth:
                 self.changes["retires"] = mine >> 1
             return
         if body.grown[place].reset >= 0:
-            self.changes["retires"] = mine >> 1
+            if body.has_room:  # else it tells places apart by itself
+                self.changes["retires"] = mine >> 1
             return
         was_on = int(self.was_on[place]), self.history.tick
         if (yield from is_needless(body, place, graph, *was_on)):

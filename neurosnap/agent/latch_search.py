@@ -1,5 +1,8 @@
 """Finds latches: of two literals, the one that was read last tells what follows.
 
+It need not have been known each time: what is unknown may be looked at, and what is
+read only while a latch is on comes to imply it, as with any sensor.
+
 References:
     Not the paper's. A sensor that is never read, and stays on from one event to
     another, is a synthetic item of Drescher's (1991) schema mechanism, and the state
@@ -11,14 +14,17 @@ from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.poc.learning.history_questions import Question, Search
 from neurosnap.poc.learning.reading_history import in_order
 from neurosnap.poc.order.literal_sets import Words
 
-ACCIDENT: Final = 0.01
-"""The chance that a latch tells nothing of what it is grown for."""
+ACCIDENT: Final = 1e-6
+"""The chance that a latch tells nothing of what it is grown for. It is small, as what
+is done depends on what was seen: occasions are less apart than they are taken for."""
+_SOME = 4  # of so many of them one is looked at first
 _LOOKED_AT = 256  # results, and as many failures, that latches are held against
 
 
@@ -33,8 +39,9 @@ def find_latch(
 ) -> Search[Context | None]:
     """Look for what was there long ago whenever a result came in the same state.
 
-    Many pairs of literals are searched, so one counts only if it told so often that
-    this is no accident.
+    A latch that is found was never wrong. It need not have been known each time: what
+    is not known can be looked at. Many pairs of literals are searched, so one counts
+    only if it told so often that this is no accident. The world's own come first.
 
     Args:
         alike: The literals that are read after the same action in the same state.
@@ -43,7 +50,7 @@ def find_latch(
         own: How many of these are the world's own; they may do so by being off, too.
         ticks: How many the history was shown so far.
         begun: ``(W,)``, the ticks that began a trajectory.
-        there_are: Latches that are there: another is looked for.
+        there_are: Latches that are there. If one of them tells it, none is looked for.
     """
     some = [*range(2 * own), *range(2 * own, 2 * sensors, 2)]
     asked = dict.fromkeys([*alike, result, result ^ 1, *some])
@@ -52,25 +59,83 @@ def find_latch(
     rings = there & read[result], there & read[result ^ 1], begun
     came, failed, begins = in_order(rings, ticks)
     order = np.arange(len(came))
-    at = [np.flatnonzero(one)[-_LOOKED_AT:] - 1 for one in (came, failed)]
-    at = [one[one >= 0] for one in at]
-    ways = math.comb(sum(map(len, at)), len(at[0]))
-    if 2 * len(some) ** 2 >= ACCIDENT * ways:
-        return None
-    before = np.concatenate(at)
     since = np.maximum.accumulate(np.where(begins, order, -1))
+    at = [np.flatnonzero(one[1:])[-_LOOKED_AT:] for one in (came, failed)]
+    before = np.sort(np.concatenate(at))
+    wanted = came[before + 1]
+    first = np.flatnonzero(np.diff(2 * since[before] + wanted, prepend=-3))
+    if _is_accident(wanted[first], 2 * own):
+        return None
     rows = in_order([read[a] for a in some], ticks)
-    lately = np.maximum.accumulate(np.where(rows, order, -1), axis=1)
-    last, known = lately[:, before], lately[:, before] >= since[before]
-    wanted = np.repeat((True, False), [len(one) for one in at])
-    for place, literal in enumerate(some):
-        on = (last[place] >= last) & known[place]
-        off = (last > last[place]) & known
-        right = (on == wanted) & (off != wanted)
-        wrong = (off == wanted) & (on != wanted)
-        tells = right.all(axis=1) | wrong.all(axis=1)
-        for other in np.flatnonzero(tells).tolist():
-            found = Context(-1, (literal,), reset=some[other])
-            if other != place and found not in there_are:
-                return found
+    last = np.maximum.accumulate(np.where(rows, order, -1), axis=1)[:, before]
+    last[last < since[before]] = -1
+    places = {literal: place for place, literal in enumerate(some)}
+    for latch in there_are:
+        both = [places[latch.literals[0]], places[latch.reset]]
+        if _best_pair(last[both], wanted, first) is not None:
+            return None
+    for searched in last[: 2 * own], last:
+        if _is_accident(wanted[first], len(searched)):
+            break
+        pair = _best_pair(searched, wanted, first)
+        if pair is not None:
+            return Context(-1, (some[pair[0]],), reset=some[pair[1]])
     return None
+
+
+def _best_pair(
+    last: NDArray[np.intp],
+    wanted: NDArray[np.bool_],
+    first: NDArray[np.intp],
+) -> tuple[int, int] | None:
+    """Return the pair of which the one read last tells most, and is never wrong.
+
+    Args:
+        last: ``(k, m)``, when each of several literals was read last before each
+            time; -1: not in that trajectory.
+        wanted: ``(m,)``, whether the result came then.
+        first: The first of each occasion: while it comes again and again, or fails, in
+            one trajectory, what is hidden may be the same all the while.
+
+    Returns:
+        The first that tells most occasions of the rarer outcome, then most of all;
+        None if each may be an accident. O(k² m) time at most.
+    """
+    found, most = None, 0
+    some = slice(None, None, _SOME)  # most pairs are wrong at one of these
+    for one, mine in enumerate(last):
+        others = np.arange(len(last))
+        right, wrong = _told(mine[some], last[:, some], wanted[some])
+        others = others[~(right.any(axis=1) & wrong.any(axis=1))]
+        right, wrong = _told(mine, last[others], wanted)
+        never = ~(right.any(axis=1) & wrong.any(axis=1))
+        others = others[never]
+        told = np.logical_or.reduceat((right | wrong)[never], first, axis=1)
+        came = wanted[first]
+        yes, no = (told & came).sum(axis=1), (told & ~came).sum(axis=1)
+        rank = 2 * len(first) * np.minimum(yes, no) + yes + no
+        rank[others == one] = 0
+        best = int(rank.argmax()) if rank.size else -1
+        if best < 0 or rank[best] <= most:
+            continue
+        if not _is_accident(came[told[best]], len(last)):
+            found, most = (one, int(others[best])), int(rank[best])
+    return found
+
+
+def _told(
+    mine: NDArray[np.intp], last: NDArray[np.intp], wanted: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return where a latch of one literal and each other is right, and where wrong.
+
+    ``(k, m)`` each, as if it was on where the result came; see `_best_pair`.
+    """
+    known = np.maximum(mine, last) >= 0
+    on = mine >= last
+    return known & (on == wanted), known & (on != wanted)
+
+
+def _is_accident(came: NDArray[np.bool_], literals: int) -> bool:
+    """Return whether some pair of literals may well tell on so many occasions."""
+    ways = math.comb(len(came), int(came.sum()))
+    return 2 * literals**2 >= ACCIDENT * ways

@@ -7,7 +7,9 @@ that tell one from another: not those that are coins.
 Nothing is stored for it: the readings are those that sensors are grown from, and are
 asked for each time. Where what was done a step before tells much of what follows,
 places look alike that are not. What was sensed of that step is then part of a place, as
-far as it tells; where that is not enough, they *hide* something.
+far as it tells; where that is not enough, they *hide* something. Once no context can be
+grown, a place has the latches as well, and what an action led to in this trajectory is
+expected again, if that tells.
 
 References:
     Not the paper's. To tell places apart by the step before only where that tells what
@@ -77,10 +79,11 @@ class Transitions(NamedTuple):
 class CountedMoves(NamedTuple):
     """What is remembered of moves; ``S`` places, of ``R`` sensors."""
 
-    sensors: NDArray[np.intp]
+    literals: NDArray[np.intp]
     """``(R,)``: those that tell one place from another."""
     places: NDArray[np.bool_]
-    """``(S, R)``: what each reads. The last stands for what is behind an end."""
+    """``(S, R)``: which were read at each. The last stands for what is behind an
+    end."""
     met: NDArray[np.bool_]
     """``(S,)``: where the target is met."""
     table: Transitions
@@ -131,27 +134,53 @@ def counted(
     moves = moves._replace(before=moves.before[:, kept], after=moves.after[:, kept])
     if not moves.before.size:
         return None
-    sensors, many = sensors[kept], len(taken)
+    literals, many = 2 * sensors[kept], len(taken)
+    if not body.has_room:
+        literals, moves = yield from _latched(body, history, literals, moves)
     places, pairs, led = _numbered(moves, many)
     hides = not prefers and hidden(pairs, led, moves.tick)
     if hides:
-        sensors, moves = yield from _told_apart(body, history, sensors, moves)
+        literals, moves = yield from _told_apart(body, history, literals, moves)
         places, pairs, led = _numbered(moves, many)
         hides = hidden(pairs, led, moves.tick)
-    on, wanted = np.isin(2 * sensors, target), np.isin(sensors, sought)
+    on, wanted = np.isin(literals, target), np.isin(literals >> 1, sought)
     met = bool(target) & (places == on)[:, wanted].all(axis=1)
     # Where an episode ended may look like a place that goes on.
     places, met = np.pad(places, ((0, 1), (0, 0))), np.append(met, False)
     over = np.append(in_order([history.over], history.tick)[0], False)
     led = np.where(over[moves.tick + 1] & ~met[led], len(met) - 1, led)
+    if target and not body.has_room:
+        begun = in_order([history.begun], history.tick)[0]
+        kept = expected_now(pairs, led, moves.tick, begun)
+        pairs, led, gains = pairs[kept], led[kept], gains[kept]
     table = _transitions(pairs, led, gains, len(places), many)
-    return CountedMoves(sensors, places, met, table, hides)
+    return CountedMoves(literals, places, met, table, hides)
+
+
+def _latched(
+    body: Body,
+    history: History,
+    literals: NDArray[np.intp],
+    moves: Moves,
+) -> Search[tuple[NDArray[np.intp], Moves]]:
+    """Add to moves what latches were, on or off, or unknown."""
+    latches = [2 * number for _, number in body.latches]
+    more = [each for latch in latches for each in (latch, latch + 1)]
+    if not more:
+        return literals, moves
+    read = (yield Question(readings=tuple(more))).readings
+    then = in_order([read[a] for a in more], history.tick).T
+    moves = moves._replace(
+        before=np.column_stack((moves.before, then[moves.tick - 1])),
+        after=np.column_stack((moves.after, then[moves.tick])),
+    )
+    return np.append(literals, more), moves
 
 
 def _told_apart(
     body: Body,
     history: History,
-    sensors: NDArray[np.intp],
+    literals: NDArray[np.intp],
     moves: Moves,
 ) -> Search[tuple[NDArray[np.intp], Moves]]:
     """Add what was sensed of the step before to moves, as far as it tells places apart.
@@ -168,12 +197,12 @@ def _told_apart(
         best = told_by(pairs, led, then[moves.tick - 1]) if alike else None
         if best is None:
             break
-        sensors = np.append(sensors, others[best])
+        literals = np.append(literals, 2 * others[best])
         moves = moves._replace(
             before=np.column_stack((moves.before, then[moves.tick - 1, best])),
             after=np.column_stack((moves.after, then[moves.tick, best])),
         )
-    return sensors, moves
+    return literals, moves
 
 
 def moves_in(walk: Walk) -> Moves:
@@ -231,6 +260,50 @@ def _numbered(
     _, first, number = np.unique(keys, return_index=True, return_inverse=True)
     start, led = np.split(number, 2)
     return rows[first], start * actions + moves.action, led
+
+
+def expected_now(
+    pairs: NDArray[np.intp],
+    led: NDArray[np.intp],
+    tick: NDArray[np.intp],
+    begun: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """Return which moves tell what follows in this trajectory: ``(m,)``.
+
+    What is hidden may last as long as a trajectory. Then an action leads to what it led
+    to here before, and to try it again and again is to go in circles. If that tells
+    more than `HIDDEN` of what is left open, of each pair that was met in this
+    trajectory only the last time counts, and those that followed the same outcome.
+
+    Args:
+        pairs: ``(m,)``, which place and action each move was from.
+        led: ``(m,)``, the place it led to.
+        tick: ``(m,)``, ascending, the tick after it.
+        begun: By tick, whether a trajectory began there.
+    """
+    since = np.maximum.accumulate(np.where(begun, np.arange(len(begun)), -1))
+    of = since[tick]
+    order = np.lexsort((tick, of, pairs))
+    again = (np.diff(pairs[order]) == 0) & (np.diff(of[order]) == 0)
+    later, earlier = order[1:][again], order[:-1][again]
+    many = 1 + int(max(pairs.max(), led.max()))
+    _, cell, times = np.unique(
+        pairs * many + led, return_inverse=True, return_counts=True
+    )
+    by_accident = (times[cell] / np.bincount(pairs)[pairs])[earlier].sum()
+    told = (led[later] == led[earlier]).sum() - by_accident
+    kept = np.ones(len(pairs), np.bool_)
+    if told <= HIDDEN * (len(later) - by_accident):
+        return kept
+    last = np.full(many, -1)  # outcome by pair, in this trajectory
+    now = np.flatnonzero(of == since[-1])
+    last[pairs[now]] = led[now]
+    before = np.full(len(pairs), -1)
+    before[later] = led[earlier]
+    kept &= (last[pairs] < 0) | (before == last[pairs])
+    newest = np.unique(pairs[now][::-1], return_index=True)[1]
+    kept[now[::-1][newest]] = True
+    return kept
 
 
 def _transitions(

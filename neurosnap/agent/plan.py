@@ -152,8 +152,12 @@ class ContingentPlan:
 
     def _at(self, place: NDArray[np.bool_]) -> int:
         """Return which place it is; -1 if the plan is of no use there."""
-        mine = np.flatnonzero(~(self.places & ~place).any(axis=1) & (self.actions >= 0))
-        return int(mine[0]) if mine.size else -1
+        mine = np.flatnonzero(~(self.places & ~place).any(axis=1))
+        if not mine.size:
+            return -1
+        # What it is not known of in one place may be known in another.
+        most = int(mine[self.places[mine].sum(axis=1).argmax()])
+        return most if self.actions[most] >= 0 else -1
 
 
 _SHOWN = 6  # actions of a plan that a reason names

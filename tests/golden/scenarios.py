@@ -203,7 +203,7 @@ def _exploring(world: str, arguments: dict[str, int], **more: Any) -> RunOptions
 
 def _latching(**more: Any) -> RunOptions:
     """A run that grows a latch."""
-    return _exploring(TMAZE, {"delay": 1}, grow=4, ticks=125, **more)
+    return _exploring(TMAZE, {"delay": 1}, grow=4, ticks=240, **more)
 
 
 def _mapping(**more: Any) -> RunOptions:
@@ -285,7 +285,7 @@ SCENARIOS = (
     _world(
         "retiring",
         msgspec.structs.replace(
-            lamp_options(ticks=205, cells="inline", explore=1.0, threshold=0.05),
+            lamp_options(ticks=212, cells="inline", explore=1.0, threshold=0.05),
             imagine=0,
             target=("lit",),
         ),

@@ -1,28 +1,17 @@
 """Plans where chance decides, held against tables that are counted and solved apart."""
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations, product
+from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.chances import DISCOUNT, PATIENCE, SURE, plan_by_chance
-from neurosnap.agent.clones import walk_in
 from neurosnap.agent.growth_in_decisions import Context
-from neurosnap.agent.moves import (
-    HIDDEN,
-    SELDOM,
-    Moves,
-    hidden,
-    moves_in,
-    telling,
-    told_before,
-    told_by,
-)
 from neurosnap.agent.plan import ContingentPlan, Names
 from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.reading_history import History
@@ -72,39 +61,6 @@ def place_in(found: ContingentPlan, own: list[int]) -> int:
     literals = complete(np.array(own, np.bool_))
     rows = np.flatnonzero((found.places[:, : 2 * len(own)] == literals).all(axis=1))
     return int(rows[0]) if rows.size else -1
-
-
-def test_moves_are_what_was_read_before_and_after_one_action() -> None:
-    history = History(NAMES, 64)
-    told = list[tuple[list[int], int, list[int]]]()
-    rng, before = np.random.default_rng(0), [0, 0, 0]
-    seen(history, before)
-    sure = [True]
-    for _ in range(100):  # it comes round: the oldest are gone
-        after, action = rng.integers(2, size=3).tolist(), int(rng.integers(-1, 2))
-        known = bool(rng.random() < 0.8)
-        seen(history, after, action, known)
-        told.append((before, action, after))
-        before = after
-        sure.append(known)
-    lost = len(told) + 1 - 64  # moves of which what was read before is gone
-    wanted = [
-        move
-        for move, *known in zip(
-            told[lost:], sure[lost:-1], sure[lost + 1 :], strict=True
-        )
-        if move[1] >= 0 and all(known)
-    ]
-    read = {a: history.ticks_of(a) for a in range(2 * NAMES)}
-    found = moves_in(walk_in(read, range(3), [6, 8], history.tick))
-    assert len(wanted) > 10
-    rows = zip(
-        found.before.astype(int).tolist(),
-        found.action.tolist(),
-        found.after.astype(int).tolist(),
-        strict=True,
-    )
-    assert list(rows) == wanted
 
 
 @given(
@@ -221,18 +177,6 @@ def test_what_is_only_preferred_makes_no_place() -> None:
     assert np.abs(each - 0.25).max() < 0.03  # half of what is here, which is half
 
 
-def test_a_coin_tells_no_place_from_another_and_a_slip_does() -> None:
-    rng, size = np.random.default_rng(3), 2000
-    before = rng.integers(2, size=(size, 3)).astype(np.bool_)
-    after = rng.integers(2, size=(size, 3)).astype(np.bool_)
-    slips = rng.random(size) < 0.2
-    after[:, 0] = before[:, 0] ^ slips  # stays mostly; the others are coins
-    moves = Moves(before, rng.integers(2, size=size), after, np.arange(size))
-    assert telling(moves, 2).tolist() == [True, False, False]
-    after[:, 2] = before[:, 1]  # what is no coin, though it tells nothing further
-    assert telling(moves, 2).tolist() == [True, True, True]
-
-
 def test_what_may_be_a_coin_is_left_out_unless_it_tells() -> None:
     history, rng = History(NAMES, 2048), np.random.default_rng(6)
     for _ in range(500):
@@ -256,15 +200,6 @@ def test_where_all_are_coins_there_is_no_place_and_no_plan() -> None:
         seen(history, rng.integers(2, size=3).tolist())
         seen(history, rng.integers(2, size=3).tolist(), 0)
     assert plan(history, [0, 0, 0], doubted=[0, 1, 2])[0] is None
-
-
-def test_coins_are_rarely_taken_for_more() -> None:
-    rng, taken = np.random.default_rng(4), 0
-    for _ in range(200):
-        before, after = rng.integers(2, size=(2, 500, 4)).astype(np.bool_)
-        moves = Moves(before, rng.integers(2, size=500), after, np.arange(500))
-        taken += bool(telling(moves, 2).any())
-    assert taken <= 6  # of 200; two are expected at most
 
 
 def test_one_that_explores_goes_to_what_was_hardly_tried() -> None:
@@ -323,98 +258,6 @@ def test_the_unit_of_what_is_preferred_does_not_matter() -> None:
         assert found.step(state)[0] == 1
         at = place_in(found, here)
         assert found.values[at] / unit == pytest.approx(0.99 / 0.01, rel=1e-4)
-
-
-def test_what_the_move_before_tells_is_told_from_chance() -> None:
-    rng, size = np.random.default_rng(5), 3000
-    ticks = np.arange(size)
-    coin = rng.integers(2, size=size)
-    pairs = rng.integers(3, size=size)
-    assert abs(told_before(pairs, coin, ticks)[0]) < 0.03
-    told = np.roll(pairs, 1) % 2  # the move before tells all
-    of_open, of_all = told_before(pairs, told, ticks)
-    assert of_open == 1
-    assert of_all == pytest.approx(4 / 9, abs=0.02)  # of 1/3 and 2/3
-    half = np.where(rng.random(size) < 0.5, coin, told)
-    assert 0.15 < told_before(pairs, half, ticks)[0] < 0.35
-    # None comes right after another; or nothing is left open.
-    assert told_before(pairs, told, 2 * ticks) == (0, 0)
-    assert told_before(pairs, pairs, ticks) == (0, 0)
-
-
-def test_what_hardly_ever_matters_hides_nothing() -> None:
-    ticks = np.arange(3000)
-    for every, hides in (100, False), (10, True):
-        pairs = np.random.default_rng(1).integers(2, size=len(ticks))
-        open_ = ticks % every == 0  # where only the move before tells
-        led = np.where(open_, np.roll(pairs, 1), pairs)
-        pairs[open_] = 2
-        of_open, of_all = told_before(pairs, led, ticks)
-        assert of_open == pytest.approx(1)
-        assert of_all == pytest.approx(0.5 / every, rel=0.2)
-        assert hidden(pairs, led, ticks) == hides
-
-
-def test_what_is_mostly_left_to_chance_is_not_hidden() -> None:
-    rng, ticks = np.random.default_rng(2), np.arange(3000)
-    pairs, coin = rng.integers(3, size=3000), rng.integers(2, size=3000)
-    led = np.where(rng.random(3000) < 0.26, np.roll(pairs, 1) % 2, coin)
-    of_open, of_all = told_before(pairs, led, ticks)
-    assert of_all > SELDOM
-    assert of_open < HIDDEN
-    assert not hidden(pairs, led, ticks)
-
-
-@example(  # what one sensor reads always after one pair tells nothing of it
-    list(
-        zip(
-            [0, 0, 1, 1, 0, 0, 0, 1],
-            [0, 1, 0, 0, 0, 1, 1, 1],
-            [3, 0, 2, 3, 3, 1, 2, 2],
-            strict=True,
-        )
-    )
-)
-@given(
-    st.lists(
-        st.tuples(st.integers(0, 2), st.integers(0, 2), st.integers(0, 7)),
-        min_size=1,
-        max_size=14,
-    )
-)
-def test_the_sensor_that_tells_most_is_the_one_of_all(
-    moved: list[tuple[int, int, int]],
-) -> None:
-    """Held against all ways to choose as many moves as a sensor was on at."""
-    pairs, led, codes = np.array(moved).T
-
-    def purity(mine: NDArray[np.intp]) -> float:
-        counts = np.bincount(led[mine])
-        return float((counts**2).sum() / len(mine)) if len(mine) else 0.0
-
-    def parted(whole: NDArray[np.intp], on: NDArray[np.intp]) -> float:
-        return purity(on) + purity(np.setdiff1d(whole, on))
-
-    gains, left = np.zeros(3), 0.0
-    for pair in set(pairs.tolist()):
-        whole = np.flatnonzero(pairs == pair)
-        if len(set(led[whole].tolist())) == 1:
-            continue
-        for sensor in range(3):
-            on = whole[codes[whole] >> sensor & 1 == 1]
-            ways = combinations(whole.tolist(), len(on))
-            by_accident = np.mean([parted(whole, np.array(w, np.intp)) for w in ways])
-            gains[sensor] += parted(whole, on) - by_accident
-        one = [parted(whole, whole[[k]]) for k in range(len(whole))]
-        left += len(whole) - float(np.mean(one))
-    readings = codes[:, None] >> np.arange(3) & 1 == 1
-    found = told_by(pairs, led, readings)
-    enough = gains.max() - HIDDEN * left
-    if found is not None:
-        assert gains[found] == pytest.approx(gains.max())
-        assert enough > -1e-9
-    elif left:
-        assert enough < 1e-9
 
 
 @pytest.mark.parametrize("explores", [True, False])
@@ -522,3 +365,45 @@ def test_where_nothing_can_be_grown_what_was_not_tried_is_gone_for() -> None:
         for _ in range(8):
             seen(history, there)
             seen(history, here, 0)
+
+
+def test_where_nothing_can_be_grown_a_latch_tells_places_apart_or_is_looked_at() -> (
+    None
+):
+    """What is not known of it is another place, from which looking promises more."""
+    body = WALK.grow(Context(-1, (0,), reset=2))  # "here until there"
+    latch, history, rng = (
+        body.first_grown,
+        History(NAMES, 1024),
+        np.random.default_rng(0),
+    )
+    here, there, fork, goal = [1, 0, 0], [0, 1, 0], [0, 0, 0], [0, 0, 1]
+
+    def show(own: list[int], action: int, believed: bool | None) -> None:
+        bits, sure = np.zeros(NAMES, np.bool_), np.ones(NAMES, np.bool_)
+        bits[: len(own)], bits[latch] = own, bool(believed)
+        bits[[len(own) + action] if action >= 0 else []] = True
+        sure[latch] = believed is not None
+        history.record(bits, sure, action < 0)
+
+    for _ in range(100):  # to the right is the cue, or the goal if it was seen
+        hidden, looks, tries = bool(rng.integers(2)), *rng.integers(2, size=2)
+        show(fork, -1, None)
+        if looks:
+            show(here if hidden else there, 1, hidden)
+            show(fork, 0, hidden)
+        if looks and not hidden:
+            show(goal if tries else fork, int(tries), hidden)
+        else:
+            show(goal if looks else fork, 0, hidden if looks else None)
+    told = history, np.zeros(2 * NAMES, np.bool_), np.zeros(3, np.bool_)
+    state = told[1]
+    state[:6] = complete(np.array(fork, np.bool_))
+    found = answered(plan_by_chance(body, [4], {}, *told), history.answer)
+    assert found is not None
+    for believed, action in ({2 * latch}, 0), ({2 * latch + 1}, 1), (set(), 1):
+        now = state.copy()
+        now[list(believed)] = True
+        assert found.goes_on(now, history.tick)
+        assert found.step(now)[0] == action
+        assert found.values[found._at(now)] > 0.99
