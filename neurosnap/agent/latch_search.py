@@ -71,7 +71,7 @@ def find_latch(
     last[last < since[before]] = -1
     places = {literal: place for place, literal in enumerate(some)}
     for latch in there_are:
-        both = [places[latch.literals[0]], places[latch.reset]]
+        both = [places[a] for a in (*latch.literals, latch.reset) if a in places]
         if _best_pair(last[both], wanted, first) is not None:
             return None
     for searched in last[: 2 * own], last:

@@ -164,17 +164,12 @@ def _latched(
     moves: Moves,
 ) -> Search[tuple[NDArray[np.intp], Moves]]:
     """Add to moves what latches were, on or off, or unknown."""
-    latches = [2 * number for _, number in body.latches]
-    more = [each for latch in latches for each in (latch, latch + 1)]
+    more = [a for _, number in body.latches for a in (2 * number, 2 * number + 1)]
     if not more:
         return literals, moves
     read = (yield Question(readings=tuple(more))).readings
     then = in_order([read[a] for a in more], history.tick).T
-    moves = moves._replace(
-        before=np.column_stack((moves.before, then[moves.tick - 1])),
-        after=np.column_stack((moves.after, then[moves.tick])),
-    )
-    return np.append(literals, more), moves
+    return np.append(literals, more), _with(moves, then)
 
 
 def _told_apart(
@@ -198,11 +193,16 @@ def _told_apart(
         if best is None:
             break
         literals = np.append(literals, 2 * others[best])
-        moves = moves._replace(
-            before=np.column_stack((moves.before, then[moves.tick - 1, best])),
-            after=np.column_stack((moves.after, then[moves.tick, best])),
-        )
+        moves = _with(moves, then[:, best])
     return literals, moves
+
+
+def _with(moves: Moves, then: NDArray[np.bool_]) -> Moves:
+    """Return moves whose places have more of what was read, by tick."""
+    return moves._replace(
+        before=np.column_stack((moves.before, then[moves.tick - 1])),
+        after=np.column_stack((moves.after, then[moves.tick])),
+    )
 
 
 def moves_in(walk: Walk) -> Moves:
@@ -283,7 +283,7 @@ def expected_now(
     """
     since = np.maximum.accumulate(np.where(begun, np.arange(len(begun)), -1))
     of = since[tick]
-    order = np.lexsort((tick, of, pairs))
+    order = np.argsort(pairs, kind="stable")  # of each in the order of its ticks
     again = (np.diff(pairs[order]) == 0) & (np.diff(of[order]) == 0)
     later, earlier = order[1:][again], order[:-1][again]
     many = 1 + int(max(pairs.max(), led.max()))

@@ -407,3 +407,30 @@ def test_where_nothing_can_be_grown_a_latch_tells_places_apart_or_is_looked_at()
         assert found.goes_on(now, history.tick)
         assert found.step(now)[0] == action
         assert found.values[found._at(now)] > 0.99
+
+
+def test_what_was_tried_in_vain_in_this_trajectory_is_not_tried_again() -> None:
+    """What is hidden lasts as long as a trajectory; the next may be another."""
+    history, rng = History(NAMES, 4096), np.random.default_rng(1)
+    fork, dark, long, goal = [1, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 1]
+    for _ in range(200):  # to the left is the goal at times, to the right a long way
+        opens = rng.random() < 0.5
+        seen(history, dark)
+        seen(history, fork, 0)
+        for _ in range(0 if opens else rng.integers(1, 4)):
+            seen(history, dark, 0)
+            seen(history, fork, 0)
+        for _ in range(0 if opens else 14):
+            seen(history, long, 1)
+        seen(history, goal, 0 if opens else 1)
+    seen(history, dark)
+    seen(history, fork, 0)
+    bits = np.zeros(NAMES, np.bool_)
+    bits[[0, 3]] = True
+    told = history, complete(bits), np.zeros(3, np.bool_)
+    for tried in range(3):
+        found = answered(plan_by_chance(FULL, [4], {}, *told), history.answer)
+        assert found is not None
+        assert found.step(told[1])[0] == min(tried, 1)
+        seen(history, dark, 0)
+        seen(history, fork, 0)

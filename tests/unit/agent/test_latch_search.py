@@ -123,6 +123,8 @@ def test_one_that_is_seldom_known_is_found() -> None:
     """What was not looked at is not known, and the next time it may be."""
     found = found_in(lived(1, 0.2, 0.0, 8, once=True), [])
     assert found == Context(-1, (0,), reset=2)
+    of_a_grown_one = Context(-1, (0,), reset=2 * SENSORS)
+    assert found_in(lived(1, 0.2, 0.0, 8, once=True), [of_a_grown_one]) == found
     assert (
         found_in(lived(1, 0.2, 0.05, 8, once=True), []) is None
     )  # it would be wrong at times

@@ -1,6 +1,7 @@
 """Sensors that stay on once something was read, until something else is."""
 
 import re
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -9,10 +10,14 @@ from hypothesis import strategies as st
 
 from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.body import Body
+from neurosnap.agent.grower import Grower, _Candidate
+from neurosnap.agent.growth import Growth
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.reading_history import History, latch
-from neurosnap.sensorium import selection
+from neurosnap.sensorium import Sensorium, selection
 
 PLAIN = Body.full(["cue", "start", "end"], ["go"], room=3)
 FIRST, GO = PLAIN.first_grown, 2 * PLAIN.sensors.index("go&cue")
@@ -106,3 +111,32 @@ def test_an_imagined_state_has_what_a_latch_is_sure_to_be() -> None:
     assert carried("off", 1) == "off"
     assert carried("on", 1, 2) == "off"
     assert carried("off", 3) == "?"  # nor of its literal
+
+
+def test_of_a_large_room_some_places_are_kept_for_latches() -> None:
+    """Where no context can be grown they stay: they tell places apart by themselves."""
+    body = Body.full(["a", "b", "c", "d"], ["go", "stay"], room=40)
+    several = [
+        Context(action, (2 * i + off, 2 * j + other))
+        for action, off, other in product(range(2), repeat=3)
+        for i, j in combinations(range(4), 2)
+    ]
+    while body.has_room:
+        body = body.grow(several[len(body.grown)])
+    assert len(body.grown) == 39
+    grower, kept = Grower(body), Context(-1, (0,), reset=2)
+    grower._ready.append(_Candidate(*several[39][:2], result=6))
+    assert grower.birth() is None
+    grower._latch = kept
+    assert grower.birth() == kept
+    full = body.grow(kept)
+    grower.fit(full)
+    grower._latch = Context(-1, (4,), reset=6)
+    assert grower.birth() is None
+    small = Body.full(["a", "b"], ["go"], room=2).grow(kept)
+    for has, retires in (full, -1), (small, small.first_grown):
+        growth = Growth(has)
+        growth.history.tick = 8 * (len(has.grown) - 1)  # its turn
+        graph = EmpiricalSnapshot(Sensorium(has.sensors)).poc_graph()
+        answered(growth._retire(graph), growth.history.answer)
+        assert growth.changes.get("retires", -1) == retires
