@@ -38,6 +38,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
 
 _SHOWN = 2  # sensors that the name of a clone has
+_FOR_LATCHES = 40  # of so many places one is kept for latches
 
 
 # dict: names are derived once.
@@ -204,9 +205,9 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     def has_room(self) -> bool:
         """Whether a further context can be grown: no number is given again.
 
-        Of a large room one place of forty is kept for latches.
+        Of a large room some places are kept for latches.
         """
-        return len(self.grown) < self.room - self.room // 40
+        return len(self.grown) < self.room - self.room // _FOR_LATCHES
 
     def read_for(self, sensor: int) -> tuple[int, ...]:
         """Return the world's own sensors that a window reads; another's own number."""

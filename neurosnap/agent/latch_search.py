@@ -84,9 +84,7 @@ def find_latch(
 
 
 def _best_pair(
-    last: NDArray[np.intp],
-    wanted: NDArray[np.bool_],
-    first: NDArray[np.intp],
+    last: NDArray[np.intp], wanted: NDArray[np.bool_], first: NDArray[np.intp]
 ) -> tuple[int, int] | None:
     """Return the pair of which the one read last tells most, and is never wrong.
 

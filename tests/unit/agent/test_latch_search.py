@@ -125,9 +125,8 @@ def test_one_that_is_seldom_known_is_found() -> None:
     assert found == Context(-1, (0,), reset=2)
     of_a_grown_one = Context(-1, (0,), reset=2 * SENSORS)
     assert found_in(lived(1, 0.2, 0.0, 8, once=True), [of_a_grown_one]) == found
-    assert (
-        found_in(lived(1, 0.2, 0.05, 8, once=True), []) is None
-    )  # it would be wrong at times
+    # It would be wrong at times.
+    assert found_in(lived(1, 0.2, 0.05, 8, once=True), []) is None
 
 
 def test_what_lasts_in_a_trajectory_is_one_occasion() -> None:
