@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body
 from neurosnap.agent.clones import OPEN, VISITS, Map, Walk, find_map, walk_in
 from neurosnap.agent.growth_in_decisions import Context
-from neurosnap.agent.moves import moves_in, telling
+from neurosnap.agent.moves import moves_in
+from neurosnap.agent.places_apart import telling
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 from neurosnap.poc.learning.history_questions import Question, Search
 from neurosnap.poc.learning.reading_history import History
